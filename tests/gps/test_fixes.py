@@ -83,3 +83,9 @@ def test_the_receiver_s_covariance_is_that_of_the_gaussian():
     # without a sigma the correlations mean nothing
     assert penalty(found, 1, config).correlation == (0.0, 0.0, 0.0)
     assert penalty(fixes(config, sigma_m=sigma), 0, config).correlation == (0.0, 0.0, 0.0)
+
+
+def test_fixes_are_of_an_rtk_receiver_if_any_is_of_such_a_class():
+    some = fixes(Config().gps)
+    assert some.are_rtk and some.where(np.array([1])).are_rtk
+    assert not some.where(np.array([2])).are_rtk and not some.where(np.zeros(0, int)).are_rtk

@@ -60,21 +60,27 @@ def test_without_gps_the_result_is_not_georeferenced(recording):
 
 @pytest.mark.slow
 def test_an_unknown_lever_arm_is_estimated_and_in_the_sigmas():
+    """That of a receiver in the camera, and one of its own, as RTK receivers have."""
     poses = path(24)
-    opened = room_recording(poses, gps=room_gps_log(poses))
+    log = room_gps_log(poses)
+    opened = room_recording(poses, gps=log)
     known = vgps.smooth(opened, CONFIG)
     assert np.isnan(known.sensors.antenna_sigma_m).all() and "antenna" not in "".join(known.warnings)
-    unknown = vgps.smooth(replace(opened, rig=replace(opened.rig, antenna_known=False)), CONFIG)
-    assert np.abs(unknown.camera_p_antenna).max() < 0.1
-    # turns of a few degrees do not show it, so that the camera is as uncertain as its antenna's place
-    assert np.median(np.linalg.norm(unknown.sigma_position_m, axis=1)) > 0.1
-    assert re.search(
-        r"antenna's place in the camera is not given.*motion does not show it", "".join(unknown.warnings)
-    )
+    unmeasured = replace(opened, rig=replace(opened.rig, antenna_known=False))
+    separate = vgps.smooth(unmeasured, CONFIG)
+    inside = vgps.smooth(replace(unmeasured, gps=replace(log, fix_class=(FixClass.PPP,) * 8)), CONFIG)
+    for unknown, prior_m in ((inside, 0.1), (separate, 1.0)):
+        assert np.abs(unknown.camera_p_antenna).max() < 0.1
+        # turns of a few degrees hardly show it, so that the camera is as uncertain as its antenna's place
+        antenna_m = np.linalg.norm(unknown.sensors.antenna_sigma_m)
+        assert 0.4 * prior_m < antenna_m < 1.75 * prior_m
+        assert np.median(np.linalg.norm(unknown.sigma_position_m, axis=1)) > 0.9 * antenna_m
+        told = rf"antenna's place in the camera is not given.*uncertain by {prior_m:g} m.*motion"
+        assert re.search(told, "".join(unknown.warnings))
     zero = CONFIG.model_copy(
         update={"sensors": CONFIG.sensors.model_copy(update={"unknown_antenna_sigma_m": 0.0})}
     )
-    held = vgps.smooth(replace(opened, rig=replace(opened.rig, antenna_known=False)), zero)
+    held = vgps.smooth(unmeasured, zero)
     np.testing.assert_array_equal(held.world_T_camera, known.world_T_camera)
 
 

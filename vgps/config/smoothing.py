@@ -121,7 +121,8 @@ class SensorsConfig(SettingsModel):
     """Prior standard deviation of a lever arm that no rig gives, such as that of a camera's own receiver; it
     is then estimated about zero, and 0 holds it there."""
     separate_antenna_sigma_m: PositiveFloat = 1.0
-    """The same where the fixes contradict it: the receiver has an antenna of its own, on a roof or a pole."""
+    """The same of an antenna of its own, on a roof or a pole: of a receiver with fixes of RTK classes, or
+    where the fixes contradict one at the camera."""
     antenna_sigma_m: PositiveFloat = 0.5
     """Prior standard deviation of the lever arm, on each axis."""
 

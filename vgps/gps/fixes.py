@@ -15,6 +15,7 @@ from vgps.solution import GpsClock, Trajectory
 
 CLASSES = tuple(FixClass)
 """Fix classes in the order of their indices."""
+_RTK = [CLASSES.index(FixClass.RTK_FIX), CLASSES.index(FixClass.RTK_FLOAT)]
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
 
 
@@ -52,6 +53,11 @@ class Fixes:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    @property
+    def are_rtk(self) -> bool:
+        """Whether their receiver solves for carrier phases, which no antenna inside a camera allows."""
+        return bool(np.isin(self.fix_class, _RTK).any())
 
     def until(self, t_s: float) -> "Fixes":
         """Return the fixes until a time."""

@@ -70,15 +70,21 @@ class Sensors:
         fixed = cls.fixed(camera_p_antenna, config.time_offset_s)
         return replace(fixed, antenna_sigma_m=antenna_sigma_m, clock_rate=config.clock_rate)
 
-    def with_unknown_antenna(self, config: SensorsConfig) -> "Sensors":
-        """Return sensors with a prior of a lever arm that nobody gave, unless it is estimated anyway."""
+    def with_unknown_antenna(self, config: SensorsConfig, is_separate: bool = False) -> "Sensors":
+        """Return sensors with a prior of a lever arm that nobody gave, unless it is estimated anyway.
+
+        Args:
+            config: Standard deviations of the prior.
+            is_separate: Whether the antenna is known not to be the camera's.
+        """
         if self.antenna_sigma_m or not config.unknown_antenna_sigma_m:
             return self
-        return replace(
+        possible = replace(
             self,
             antenna_sigma_m=config.unknown_antenna_sigma_m,
             separate_antenna_sigma_m=config.separate_antenna_sigma_m,
         )
+        return possible.with_separate_antenna() if is_separate else possible
 
     def with_separate_antenna(self) -> "Sensors":
         """Return sensors with the prior of an antenna that is not the camera's."""

@@ -85,7 +85,9 @@ class OnlineSmoother:
         self._frames = FrameArchive()
         self._gyro: list[tuple[float, float, float, float]] = []
         self._publisher = PosePublisher(self._frame_pipeline, config.online)
-        self._fusion = LiveFusion(self._frame_pipeline, config, self._imu.at_camera)
+        self._fusion = LiveFusion(
+            self._frame_pipeline, config, self._imu.at_camera, antenna_known=rig.antenna_known
+        )
         self._places = LivePlaces(self._frame_pipeline, self._fusion, camera, config)
         self._verdicts = VerdictEvents(config.gps.model)
         self._events = EventQueue()

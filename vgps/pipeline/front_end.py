@@ -240,7 +240,7 @@ def _sensors(frame_pipeline: FramePipeline, recording: Recording) -> Sensors:
     config, fixes = frame_pipeline.config, frame_pipeline.fix_buffer.fixes
     if recording.rig.antenna_known or config.gps.model == "none" or not fixes.used.any():
         return frame_pipeline.fix_buffer.sensors
-    return frame_pipeline.fix_buffer.sensors.with_unknown_antenna(config.sensors)
+    return frame_pipeline.fix_buffer.sensors.with_unknown_antenna(config.sensors, fixes.are_rtk)
 
 
 def _decoded(frames: Iterator[Frame], timer: StageTimer) -> Iterator[Frame]:

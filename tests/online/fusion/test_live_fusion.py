@@ -21,14 +21,14 @@ LATE_S, CONFIG = 0.4, Config()
 class Pipeline:
     """A stand-in for a frame pipeline that sees a drive as the video shows it, and gets its RTK-fixes."""
 
-    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG):
+    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG, antenna_known=True):
         drive = DrivingCamera(500)
         self.path, self.true = drive.seen(np.random.default_rng(4), share=0.5), drive.true
         fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
         self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
         self.t_s, self.warnings, self.camera = np.zeros(0), [], "given"
         self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
-        self.fusion = LiveFusion(self, config)
+        self.fusion = LiveFusion(self, config, antenna_known=antenna_known)
         self.begin()
 
     def begin(self):
@@ -70,6 +70,17 @@ def test_a_fix_counts_with_the_frame_that_it_comes_with():
             (at_fixes if came else between).append(sigma_m - before_m)
     assert len(at_fixes) == 6 and max(at_fixes) < 0.0
     assert min(between) > 0.1 * max(at_fixes)
+
+
+def test_an_antenna_of_which_nobody_knows_where_it_is_makes_positions_as_uncertain():
+    """That of an RTK receiver is not the camera's: 1 m on each axis."""
+    known, unknown = Pipeline(), Pipeline(antenna_known=False)
+    for _ in range(80):
+        known.frame()
+        unknown.frame()
+    for one, other in zip(*((p.fusion.sigmas(), p.fusion.at(60)[1]) for p in (known, unknown)), strict=True):
+        np.testing.assert_allclose(other.position_m**2, one.position_m**2 + 1.0, rtol=1e-6)
+        np.testing.assert_array_equal(other.rotation_rad, one.rotation_rad)
 
 
 def test_the_pose_stays_where_it_was_when_stage_c_changes_the_map():

@@ -13,6 +13,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
+from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.inertial_bridge import BridgedPose, InertialBridge
@@ -35,10 +36,18 @@ class LiveFusion:
         frame_pipeline: Stages A to C, without fixes in stage C.
         config: Settings, with the GPS model in use.
         imu: Levels the path, and bridges frames without features; None without an IMU.
+        antenna_known: Whether the lever arm was measured; else its uncertainty is one of every position.
     """
 
-    def __init__(self, frame_pipeline: FramePipeline, config: Config, imu: CameraImu | None = None) -> None:
-        self._frame_pipeline, self._config = frame_pipeline, config
+    def __init__(
+        self,
+        frame_pipeline: FramePipeline,
+        config: Config,
+        imu: CameraImu | None = None,
+        *,
+        antenna_known: bool = True,
+    ) -> None:
+        self._frame_pipeline, self._config, self._antenna_known = frame_pipeline, config, antenna_known
         self._map: LocalMap | None = None
         self._camera = frame_pipeline.camera  # of the newest fit
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
@@ -163,7 +172,7 @@ class LiveFusion:
             return bridged.sigmas
         if self._newest is None or self._map is None:
             return UNKNOWN_SIGMAS
-        covariance = self._newest.covariance_at_end(self._path(self._map), self._config)
+        covariance = self._of_camera(self._newest.covariance_at_end(self._path(self._map), self._config))
         away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
         return pose_sigmas(covariance, away_s, self._config.motion)
 
@@ -178,7 +187,7 @@ class LiveFusion:
             return None
         local_map, fused = placed
         path = self._path(local_map)
-        covariance = fused.covariance_at_end(path, self._config)
+        covariance = self._of_camera(fused.covariance_at_end(path, self._config))
         to_world, seen = fused.to_world(path), 1 + max(local_map.bridged, default=-1)
         if seen > local_map.next_frame - len(path.t_s):  # the frames since features returned
             path = path.since(float(t_s[seen]))
@@ -193,7 +202,7 @@ class LiveFusion:
         row = frame - (current.next_frame - len(path.t_s))
         if row < 0 or not np.isfinite(path.poses[row, 0, 0]) or path.t_s[row] > self._fused.newest_s:
             return None
-        covariance = self._fused.covariances_at(path.t_s[[row]])[0]
+        covariance = self._of_camera(self._fused.covariances_at(path.t_s[[row]])[0])
         return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
 
     def world_path(self) -> RetiredPoses | None:
@@ -227,6 +236,16 @@ class LiveFusion:
     def tie(self, ties: PlaceTies) -> None:
         """Let places seen again count, from the next fit on, instead of those of before."""
         self._ties, self._seen = ties, None
+
+    def _of_camera(self, covariance: FloatArray) -> FloatArray:
+        """Return the covariance (7, 7) of a pose whose antenna may not be where it was assumed."""
+        if self._antenna_known:
+            return covariance
+        fix_buffer = self._frame_pipeline.fix_buffer
+        sensors = fix_buffer.sensors.with_unknown_antenna(self._config.sensors, fix_buffer.fixes.are_rtk)
+        covariance = covariance.copy()
+        covariance[POSITION, POSITION] += sensors.antenna_sigma_m**2 * np.eye(3)
+        return covariance
 
     def _path(self, current: LocalMap) -> VideoPath:
         return path_of(current, self._config.online.keep_s, self._ties)
