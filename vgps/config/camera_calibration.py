@@ -28,4 +28,5 @@ class CameraCalibrationConfig(SettingsModel):
     noise_px: PositiveFloat = 0.5
     """Standard deviation of a feature's distance from its epipolar line, before the pairs show it."""
     restart_share: Share = 0.005
-    """Stages A to C run again with the camera that D found if its rays differ by more than this share."""
+    """Stages A to C run again with the camera that D found if its rays differ by more than this share;
+    then twice more at most, by 5 %."""

@@ -41,14 +41,14 @@ def with_found_camera(recording: Recording, config: Config, progress: Progress) 
     return replace(recording, camera=camera, guesses=(found.guess,))
 
 
-def moved_far(camera: Camera, before: Camera, config: Config) -> bool:
-    """Whether a refined camera differs so much that stages A to C deserve another run.
+def moved_far(camera: Camera, before: Camera, share: float) -> bool:
+    """Whether a refined camera differs by more than a share, so that stages A to C deserve another run.
 
     Compared are the angles of rays half way to the corners and in them.
     """
     radii = np.array([0.5, 1.0]) * np.hypot(camera.width, camera.height) / 2
     one, other = (angles(each.model, parameters_of(each), radii) for each in (camera, before))
-    return bool(np.any(np.abs(one / other - 1.0) > config.camera_calibration.restart_share))
+    return bool(np.any(np.abs(one / other - 1.0) > share))
 
 
 def optimise_camera(

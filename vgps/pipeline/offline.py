@@ -30,6 +30,8 @@ from vgps.runtime.timing import StageTimer, sequential_seconds
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.solution import Solution
 
+_ASTRAY_SHARE = 0.05  # by which a camera that was found is off only if the run that found it went astray
+
 
 def smooth(
     recording: Recording,
@@ -54,9 +56,11 @@ def smooth(
         recording = with_found_camera(recording, config, progress)
         probe = readout_probe(recording, config)
         solution, run = _smoothed(_Run(recording, config), progress, checkpoint, probe)
-        better = _better(run, solution)
-        if better.recording is not run.recording:
-            solution, _ = _smoothed(better, progress)
+        for share in (config.camera_calibration.restart_share, _ASTRAY_SHARE, _ASTRAY_SHARE):
+            better = _better(run, solution, share)
+            if better.recording is run.recording:
+                break
+            solution, run = _smoothed(better, progress)
     # a resumed run has the seconds of stages that an earlier process ran
     rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
     seconds = {**solution.seconds, "rest": rest_s}
@@ -72,15 +76,16 @@ class _Run:
     config: Config
 
 
-def _better(run: _Run, solution: Solution) -> _Run:
+def _better(run: _Run, solution: Solution, share: float) -> _Run:
     """Return what another run deserves, or the same if there is no need of one.
 
-    Stages A to C run again with a camera that is far from the guess, or a rolling shutter found after them.
+    Stages A to C run again with a camera that is by more than a share from the guess, or a rolling shutter
+    found after them.
     """
     better, found_s = run.recording, solution.camera.readout_s
     if run.recording.guesses:
         refined = with_gyro_focal(run.recording, solution)
-        better = refined if moved_far(refined.camera, better.camera, run.config) else better
+        better = refined if moved_far(refined.camera, better.camera, share) else better
     if not found_s or run.recording.camera.readout_s is not None:
         return _Run(better, run.config)
     return _Run(*with_readout_seen(better, run.config, found_s))
