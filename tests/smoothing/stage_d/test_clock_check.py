@@ -92,6 +92,13 @@ def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts)
     assert decided(after) == (again[0] if counts else HELD)
 
 
+@pytest.mark.slow
+def test_a_trial_finds_all_of_what_the_poses_show_in_part():
+    """A gentle drive with a video that counts little: its step is 0.16 of 0.3 s, with a sigma of 0.13 s."""
+    found, error_m = result(0.3, config=Config())
+    assert found.sensors.time_offset_s == pytest.approx(0.3, abs=0.005) and error_m < 0.02
+
+
 @pytest.mark.parametrize(("good", "improved"), [(3, True), (2, False), (1, False)])
 def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certain(
     monkeypatch, good, improved
@@ -100,8 +107,8 @@ def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certai
     assert trial(monkeypatch, [], certain, good) == (replace(certain, shown_by_poses=improved), [])
 
 
-def test_what_is_within_two_sigmas_is_not_tried(monkeypatch):
-    after, again = trial(monkeypatch, [TimeOffset(0.05, 0.02)])
+def test_what_is_within_a_sigma_is_not_tried(monkeypatch):
+    after, again = trial(monkeypatch, [TimeOffset(0.025, 0.02)])
     assert (decided(after), again) == (HELD, [])
 
 
@@ -165,9 +172,9 @@ def test_what_is_unknown_of_a_held_time_offset_is_in_the_standard_deviations():
 @pytest.mark.slow
 def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_nothing():
     """A gentle drive with a video that counts little."""
-    assert decided(result(0.3, config=Config())[0].sensors) == HELD
-    found, _ = result(0.3, HELD.with_time_offset(TimeOffset(0.25, 0.1), 0.8), Config())
-    assert abs(found.sensors.time_offset_s - 0.3) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.1
+    assert decided(result(0.2, config=Config())[0].sensors) == HELD
+    found, _ = result(0.2, HELD.with_time_offset(TimeOffset(0.17, 0.1), 0.8), Config())
+    assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.1
 
 
 @pytest.mark.slow

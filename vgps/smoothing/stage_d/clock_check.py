@@ -21,7 +21,9 @@ from vgps.model import FixClass
 from vgps.smoothing.stage_d.batch_result import BatchSolution
 from vgps.smoothing.stage_d.sensor_steps import least_cost_step
 
-_SUSPECT = 2.0  # standard deviations from the configured time offset that make a trial worth while
+# Standard deviations from the configured time offset that make a trial worth while. Poses that were held to
+# it have bent to the fixes, and suggest a part of what a trial finds; whether that is chance is decided then.
+_SUSPECT = 1.0
 
 
 def with_shown_clock(
