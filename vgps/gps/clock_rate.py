@@ -24,6 +24,7 @@ _MAX_SHIFT_S = 15.0  # of the first and the last fix
 _STEP_S = 0.1  # of that shift: a fraction of the time that a turn takes
 _MIN_PAIRS = 8
 _BLOCKS = 4, 10  # of the jackknife, at least and at most
+_LEAST_SIGMAS = 2.0  # of the jackknife, for parts of the video to agree on a rate: an orbit's have any
 
 
 class ShownClock(NamedTuple):
@@ -70,6 +71,8 @@ def search_clock_rate(
     rate = np.array([other.rate for other in others])
     offset_s = np.array([other.time_offset_s for other in others]) + rate * rates.middle_s
     sigma_s, rate_sigma = (float(np.sqrt((len(others) - 1) * np.var(x))) for x in (offset_s, rate))
+    if not anyway and abs(found.clock.rate) < _LEAST_SIGMAS * rate_sigma:
+        return None
     return found._replace(time_offset_sigma_s=sigma_s, rate_sigma=rate_sigma)
 
 
