@@ -81,6 +81,16 @@ def test_a_table_meta_without_a_row_is_damage(database_path: Path) -> None:
     assert "is damaged (table meta has 0 rows instead of 1)" in complaint(database_path)
 
 
+def test_a_table_whose_name_is_no_text_is_damage(database_path: Path) -> None:
+    """As a flipped bit makes it."""
+    file = sqlite3.connect(database_path)
+    file.execute("PRAGMA writable_schema = 1")
+    file.execute("UPDATE sqlite_master SET name = CAST(name AS BLOB) WHERE name = 'cell'")
+    file.commit()
+    file.close()
+    assert "is not as in the schema" in complaint(database_path)
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_verification_gives_the_same_digest_or_an_error(database_path: Path, place: float, bit: int) -> None:

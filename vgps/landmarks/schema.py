@@ -95,10 +95,11 @@ def _expected_objects() -> frozenset[tuple[str, ...]]:
 def _objects(connection: sqlite3.Connection) -> frozenset[tuple[str, ...]]:
     """Return type and name of every object, and of every column of a plain table."""
     found: set[tuple[str, ...]] = set()
-    for kind, name, sql in connection.execute("SELECT type, name, sql FROM sqlite_master").fetchall():
-        found.add((str(kind), str(name)))
-        if str(sql).startswith("CREATE VIRTUAL"):
-            found.add((str(kind), " ".join(str(sql).split())))
+    for row in connection.execute("SELECT type, name, sql FROM sqlite_master").fetchall():
+        kind, name, sql = map(str, row)  # damage makes bytes of text
+        found.add((kind, name))
+        if sql.startswith("CREATE VIRTUAL"):
+            found.add((kind, " ".join(sql.split())))
         elif kind == "table":
             columns = connection.execute("SELECT name, hidden FROM pragma_table_xinfo(?)", (name,))
             found |= {
