@@ -18,10 +18,10 @@ import numpy as np
 import yaml
 
 import vgps
-from scripts.benchmarks.receivers.sources import REPLAYED, make_errors
 from scripts.common.command import ScriptParser
 from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable
+from scripts.common.replayed_errors import REPLAYED, make_errors
 from scripts.common.scenes import half_size, shortened
 from vgps.errors import GeometryError, GpsLogError
 from vgps.evaluation import evaluate

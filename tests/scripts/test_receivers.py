@@ -19,7 +19,10 @@ from scripts.benchmarks.receivers.cells import (
     independent_samples,
     position_errors,
 )
-from scripts.benchmarks.receivers.sources import (
+from scripts.benchmarks.receivers.summary import summaries, summarise, worse
+from scripts.common.drives import Drive, open_drive
+from scripts.common.receivers import Series
+from scripts.common.replayed_errors import (
     REPLAYED,
     as_it_comes,
     float_between_fixes,
@@ -28,9 +31,6 @@ from scripts.benchmarks.receivers.sources import (
     replayed,
     stretch,
 )
-from scripts.benchmarks.receivers.summary import summaries, summarise, worse
-from scripts.common.drives import Drive, open_drive
-from scripts.common.receivers import Series
 from vgps.errors import RecordingError
 from vgps.model import Camera, FixClass, GeodeticPoint, Recording, Rig
 from vgps.solution import Trajectory, Verdict

@@ -34,11 +34,11 @@ from functools import partial
 from pathlib import Path
 
 from scripts.benchmarks.receivers.cells import DEFAULT, MODELS, Cell, Task, run_cell
-from scripts.benchmarks.receivers.sources import LOGS, REPLAYED, make_errors, read_series
 from scripts.benchmarks.receivers.summary import summaries, worse
 from scripts.common.command import ScriptParser, add_jobs, add_seeds
 from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable, table
+from scripts.common.replayed_errors import LOGS, REPLAYED, make_errors, read_series
 from vgps.compare.methods import Method
 from vgps.errors import GpsLogError
 from vgps.runtime.progress import NoProgress

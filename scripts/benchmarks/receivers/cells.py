@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import vgps
-from scripts.benchmarks.receivers.sources import Errors
 from scripts.common.drives import Drive
+from scripts.common.replayed_errors import Errors
 from vgps.compare.methods import ALL_METHODS, Method, front_ends
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
