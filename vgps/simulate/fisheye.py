@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -78,14 +78,14 @@ def pieces(polygon: Polygon) -> Iterator[Polygon]:
         return
     lengths = [math.hypot(*p) for p in polygon]
     rays = [(x / n, y / n, z / n) for (x, y, z), n in zip(polygon, lengths, strict=True)]
-    (a, b, c), (d, e, f) = min(combinations(rays, 2), key=_cosine, default=(rays[0], rays[0]))
-    if _cosine(((a, b, c), (d, e, f))) > _LEAST_COSINE:
+    cosine, one, other = min((_dot(p, q), p, q) for p, q in combinations_with_replacement(rays, 2))
+    if cosine > _LEAST_COSINE:
         yield polygon
         return
-    yield from pieces(cut(polygon, (a - d, b - e, c - f), 0.0))
-    yield from pieces(cut(polygon, (d - a, e - b, f - c), 0.0))
+    x, y, z = (p - q for p, q in zip(one, other, strict=True))
+    yield from pieces(cut(polygon, (x, y, z), 0.0))
+    yield from pieces(cut(polygon, (-x, -y, -z), 0.0))
 
 
-def _cosine(rays: tuple[Plane, Plane]) -> float:
-    (a, b, c), (d, e, f) = rays
-    return a * d + b * e + c * f
+def _dot(p: Plane, q: Plane) -> float:
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
