@@ -1,7 +1,9 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
+import vgps
 from scripts.common.results import read_results
 from scripts.experiments import random_scenes
 from vgps.simulate import SCENES
@@ -18,6 +20,15 @@ def test_a_seed_draws_the_same_again_and_others_something_else():
         "some fixes",
     }
     assert all(case.scene.readout_s < 1.0 / case.scene.fps for case in cases)
+
+
+@pytest.mark.parametrize("lacks", [frozenset(), frozenset({"camera.yaml", "lever arm"})])
+def test_the_user_has_no_more_than_the_case_says(recording, tmp_path, lacks):
+    case, drive = replace(random_scenes.draw(0), lacks=lacks), SimpleNamespace(folder=recording)
+    log = vgps.open_recording(recording).gps
+    found = random_scenes.as_the_user_has_it(case, drive, log, tmp_path / "lacking")
+    assert (found.rig.antenna_known, not found.guesses) == ((False, False) if lacks else (True, True))
+    assert found.rig.world_origin is not None and found.gps is log and found.gyro is None
 
 
 @pytest.mark.slow
