@@ -24,7 +24,7 @@ _MAX_SHIFT_S = 15.0  # of the first and the last fix
 _STEP_S = 0.1  # of that shift: a fraction of the time that a turn takes
 _MIN_PAIRS = 8
 _BLOCKS = 4, 10  # of the jackknife, at least and at most
-_LEAST_SIGMAS = 2.0  # of the jackknife, for parts of the video to agree on a rate: an orbit's have any
+_LEAST_SIGMAS = 2.0  # of the jackknife: on an orbit at constant speed the parts of the video do not agree
 
 
 class ShownClock(NamedTuple):

@@ -56,7 +56,7 @@ class Fixes:
 
     @property
     def are_rtk(self) -> bool:
-        """Whether their receiver solves for carrier phases, which no antenna inside a camera allows."""
+        """Whether their receiver solves for carrier phases, which takes an antenna of its own."""
         return bool(np.isin(self.fix_class, _RTK).any())
 
     def until(self, t_s: float) -> "Fixes":

@@ -30,7 +30,7 @@ from vgps.runtime.timing import StageTimer, sequential_seconds
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.solution import Solution
 
-_ASTRAY_SHARE = 0.05  # by which a camera that was found is off only if the run that found it went astray
+_ASTRAY_SHARE = 0.05  # a camera that a run has found is off by more only if that run went astray
 
 
 def smooth(
