@@ -7,8 +7,7 @@ import pytest
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps import clock_rate
-from vgps.gps.clock_rate import ShownClock, search_clock_rate
+from vgps.gps.clock_rate import search_clock_rate
 from vgps.solution import GpsClock
 
 VIDEO_S = np.arange(0.0, 120.0, 0.1)
@@ -79,16 +78,3 @@ def test_a_few_fixes_show_nothing():
     path = trajectory(streets(VIDEO_S), VIDEO_S)
     few = stamped(streets, GpsClock(0.0, 0.01)).where(np.arange(50, 55))
     assert search_clock_rate(path, few, STILL, CONFIG, anyway=True) is None
-
-
-@pytest.mark.parametrize(("of_parts", "agree"), [((0.03, 0.029, 0.031), True), ((0.03, 0.01, -0.02), False)])
-def test_a_rate_counts_only_if_the_parts_of_the_video_agree_on_it(monkeypatch, of_parts, agree):
-    """On an orbit at constant speed any rate explains the fixes nearly as well."""
-    in_turn = iter([0.03, *(of_parts * 4)])
-
-    def likeliest(*_):
-        return ShownClock(GpsClock(0.0, next(in_turn)), np.nan, np.nan, is_significant=True)
-
-    monkeypatch.setattr(clock_rate._Rates, "likeliest", likeliest)
-    found = search(streets, GpsClock(0.0))
-    assert (found is not None) == agree

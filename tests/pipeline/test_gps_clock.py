@@ -100,14 +100,23 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeyp
     assert "its picture is mirrored" in gps_clock.with_gps_clock(front_end, Config()).warnings[0]
 
 
-@pytest.mark.parametrize(("remaining", "is_kept"), [(0.001, True), (-0.019, False)])
-def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch, remaining, is_kept):
-    opened, rates = vgps.open_recording(recording), iter([0.02, remaining])
-    monkeypatch.setattr(
-        gps_clock,
-        "search_clock_rate",
-        lambda *_, **__: ShownClock(GpsClock(0.1, next(rates)), 0.01, 0.001, True),
-    )
+@pytest.mark.parametrize(
+    ("remaining", "sigmas", "is_kept"),
+    [
+        (0.001, (0.001, 0.001), True),
+        (0.001, (0.02, 0.001), True),  # a path that the wrong clock has torn shows it less well
+        (-0.019, (0.001, 0.001), False),
+        (0.001, (0.02, 0.02), False),  # as on an orbit at constant speed, which any rate suits
+    ],
+)
+def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch, remaining, sigmas, is_kept):
+    opened, shown = vgps.open_recording(recording), zip((0.02, remaining), sigmas, strict=True)
+
+    def search(*_, **__):
+        rate, sigma = next(shown)
+        return ShownClock(GpsClock(0.1, rate), 0.01, sigma, True)
+
+    monkeypatch.setattr(gps_clock, "search_clock_rate", search)
     front_end, again = run_front_end(opened, Config(), NoProgress()), []
 
     def run_again(*given):
@@ -123,6 +132,8 @@ def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch
     if is_kept:
         assert found.sensors.clock_rate == pytest.approx(1.0 - 0.98 * (1.0 - remaining))
         assert found.sensors.clock_rate_sigma == 0.001
+    elif sigmas[0] > 0.01:
+        assert found.sensors.clock_rate == 0.0 and not any("differ by" in text for text in found.warnings)
 
 
 def test_fixes_of_a_known_rate_are_where_the_camera_was(data_dir):

@@ -27,6 +27,11 @@ _BLOCKS = 4, 10  # of the jackknife, at least and at most
 _LEAST_SIGMAS = 2.0  # of the jackknife: on an orbit at constant speed the parts of the video do not agree
 
 
+def parts_agree(rate: float, rate_sigma: float) -> bool:
+    """Whether the parts of a video show a rate by more than the standard deviation of their jackknife."""
+    return abs(rate) > _LEAST_SIGMAS * rate_sigma
+
+
 class ShownClock(NamedTuple):
     """A clock that the motion shows.
 
@@ -71,8 +76,6 @@ def search_clock_rate(
     rate = np.array([other.rate for other in others])
     offset_s = np.array([other.time_offset_s for other in others]) + rate * rates.middle_s
     sigma_s, rate_sigma = (float(np.sqrt((len(others) - 1) * np.var(x))) for x in (offset_s, rate))
-    if not anyway and abs(found.clock.rate) < _LEAST_SIGMAS * rate_sigma:
-        return None
     return found._replace(time_offset_sigma_s=sigma_s, rate_sigma=rate_sigma)
 
 

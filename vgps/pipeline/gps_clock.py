@@ -7,7 +7,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
-from vgps.gps.clock_rate import ShownClock, search_clock_rate
+from vgps.gps.clock_rate import ShownClock, parts_agree, search_clock_rate
 from vgps.gps.clock_search import ClockCheck, is_mirrored, levelled, search_time_offset
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors
@@ -83,7 +83,7 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
         again = with_gps_clock(run_front_end(recording, changed, progress), changed)
     except (GeometryError, GpsLogError):  # the first run had a path
         return compared, config
-    return (again, changed) if _confirmed(again.clock, config, changed) else (compared, config)
+    return (again, changed) if _confirmed(again, config, changed) else (compared, config)
 
 
 def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
@@ -126,14 +126,15 @@ def _with_clock(recording: Recording, config: Config, clock: GpsClock) -> tuple[
     return noted, config.model_copy(update={"sensors": sensors})
 
 
-def _confirmed(clock: ClockCheck | None, before: Config, now: Config) -> bool:
+def _confirmed(again: FrontEnd, before: Config, now: Config) -> bool:
     """Return whether the path of a run that began with another clock shows it as well."""
-    if clock is None:
+    if again.clock is None:
         return False
-    rate, changed = now.sensors.clock_rate, now.sensors.clock_rate - before.sensors.clock_rate
+    changed = now.sensors.clock_rate - before.sensors.clock_rate
     if changed:
-        return clock.other is None or abs(clock.other.rate - rate) < 0.5 * abs(changed)
-    return clock.shown_s is not None and _far(clock, now) is None
+        shown, sensors = again.sensors.clock_rate - before.sensors.clock_rate, again.sensors
+        return abs(shown - changed) < 0.5 * abs(changed) and parts_agree(shown, sensors.clock_rate_sigma)
+    return again.clock.shown_s is not None and _far(again.clock, now) is None
 
 
 def _rate_note(clock: GpsClock, times_s: FloatArray) -> str:
@@ -162,14 +163,12 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     if is_mirrored(video, steady, sensors.camera_p_antenna, settings):
         front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
     elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
-        told = () if settings.clock_rate else (_rate_note(shown.clock, path.t_s),)
-        sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
-        return replace(
-            front_end,
-            sensors=sensors.with_clock(shown.clock, sigma_s, shown.rate_sigma),
-            clock=ClockCheck(shown_s, other=shown.clock),
-            warnings=(*front_end.warnings, *told),
-        )
+        front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock))
+        if settings.clock_rate or parts_agree(shown.clock.rate, shown.rate_sigma):
+            told = () if settings.clock_rate else (_rate_note(shown.clock, path.t_s),)
+            sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
+            found = sensors.with_clock(shown.clock, sigma_s, shown.rate_sigma)
+            return replace(front_end, sensors=found, warnings=(*front_end.warnings, *told))
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
     corrected = fixes.on_video_clock(sensors)
