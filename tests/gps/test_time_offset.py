@@ -319,8 +319,11 @@ def test_a_certain_offset_counts_before_a_likelier_one_and_errors_without_memory
     assert found(certain, Config()) == update_time_offset(
         SENSORS, trajectory(path(T_S)), certain, SensorsConfig()
     )
-    assert found(uncertain, Config()) == likelier(uncertain) != (SENSORS, ())
-    assert found(uncertain, independent) == (SENSORS, ())
+    likely, notes = found(uncertain, Config())
+    assert likely.by_displacements is not None
+    assert (replace(likely, by_displacements=None), notes) == likelier(uncertain) != (SENSORS, ())
+    none, notes = found(uncertain, independent)
+    assert (none.time_offset_s, none.prior_time_offset, notes) == (0.0, SENSORS.prior_time_offset, ())
 
 
 def test_fixes_of_one_class_are_compared_whatever_the_receiver_states():

@@ -42,6 +42,8 @@ class Sensors:
         probability: That the prior time offset is not chance; below 1 stage D decides.
         shown_by_poses: Whether the poses of stage D determine the time offset although errors have memory.
         held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D shows.
+        by_displacements: Of a path without fixes, under the configured prior, before it was decided; None
+            before it was looked at.
         clock_rate: By which the time offset grows in each second.
         clock_rate_sigma: Its standard deviation; 0 if nothing contradicts the configured one.
     """
@@ -55,6 +57,7 @@ class Sensors:
     probability: float = 1.0
     shown_by_poses: bool = False
     held_sigma_s: float = 0.0
+    by_displacements: TimeOffset | None = None
     clock_rate: float = 0.0
     clock_rate_sigma: float = 0.0
 

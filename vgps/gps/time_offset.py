@@ -78,7 +78,7 @@ def update_time_offset(
             f"the GPS positions are {best.time_offset_s:.2f} s older than their time stamps; the fixes were "
             "shifted accordingly",
         )
-    held = sensors.with_time_offset(TimeOffset(config.time_offset_s, 0.0))
+    held = replace(sensors.with_time_offset(TimeOffset(config.time_offset_s, 0.0)), by_displacements=best)
     if observable or not fixes.used.any():
         return held, ()
     return held, (

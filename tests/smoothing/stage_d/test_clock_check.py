@@ -126,6 +126,67 @@ def test_what_the_poses_leave_open_of_a_held_time_offset_is_kept(monkeypatch, sh
     assert not after.is_estimated
 
 
+OPEN = replace(HELD, by_displacements=TimeOffset(0.0, 0.1))
+OPEN_S = np.sqrt(0.169) * 0.1  # as above
+CLAIMED = TimeOffset(0.0, 0.005)  # by the poses
+
+
+def asked(monkeypatch, costs, shown=(CLAIMED,), r_m=0.1, speed_m_s=10.0):
+    """Return the sensors that follow where poses claim to know the time offset better than displacements, and
+    the time offsets at which they are asked; each solution has the next of the costs."""
+    monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
+    in_turn, again = iter(shown), []
+    path = SimpleNamespace(length_m=10.0 * speed_m_s, t_s=np.array([0.0, 10.0]))
+    fixes = SimpleNamespace(used=np.ones(1, dtype=bool), fix_class=np.zeros(1), r_m=np.array([r_m]))
+    given = SimpleNamespace(context=context(Config()), fixes=fixes, scene=SimpleNamespace(trajectory=path))
+
+    def of_cost(cost):
+        report = SimpleNamespace(cost_after={"video": cost - 1.0, "poses": 1.0})
+        return SimpleNamespace(given=given, result=SimpleNamespace(report=report))
+
+    def solve(other):
+        again.append(other.time_offset_s)
+        return of_cost(costs[len(again) - 1])
+
+    return clock_check.with_shown_clock(OPEN, of_cost(100.0), solve)[0], again
+
+
+def test_what_poses_claim_holds_if_the_ends_of_what_displacements_leave_open_cost_as_much(monkeypatch):
+    ends_s = 2.0 * OPEN_S * np.array([-1.0, 1.0])
+    sure, again = asked(monkeypatch, 100.0 + 0.5 * (ends_s / 0.005) ** 2)
+    alone, _ = trial(monkeypatch, [CLAIMED])
+    assert again == pytest.approx(ends_s, rel=0.01) and sure.held_sigma_s == pytest.approx(
+        alone.held_sigma_s, rel=0.02
+    )
+
+
+def test_what_poses_claim_is_no_surer_than_the_cost_of_the_ends(monkeypatch):
+    """An eighth of what the claim lets expect at one of them."""
+    after, _ = asked(monkeypatch, [1e3, 100.0 + 0.5 * (2.0 * OPEN_S / 0.02) ** 2])
+    alone, _ = trial(monkeypatch, [TimeOffset(0.0, 0.02)])
+    assert after.held_sigma_s == pytest.approx(alone.held_sigma_s, rel=0.02)
+
+
+def test_where_other_time_offsets_cost_the_same_displacements_say_what_is_unknown(monkeypatch):
+    """As on an orbit at constant speed, where only the bob of a walk is left to compare."""
+    after, _ = asked(monkeypatch, [100.5, 99.0])
+    assert after.held_sigma_s == pytest.approx(OPEN_S, rel=0.01)
+
+
+def test_an_end_that_is_clearly_cheaper_is_tried(monkeypatch):
+    shown = [CLAIMED, TimeOffset(0.12, 0.01)]
+    after, again = asked(monkeypatch, [150.0, 60.0, 55.0], shown)
+    assert again == pytest.approx(2.0 * OPEN_S * np.array([-1.0, 1.0, 1.0]), rel=0.01)
+    assert after.shown_by_poses and after.time_offset_s == again[-1]
+
+
+@pytest.mark.parametrize("given", [{"r_m": 1.0}, {"speed_m_s": 1.0}])
+def test_poses_are_not_asked_where_it_hardly_matters(monkeypatch, given):
+    """0.4 m along the path are within the regions of coarse fixes, and 4 cm within those of good ones."""
+    after, again = asked(monkeypatch, [], **given)
+    assert again == [] and after.held_sigma_s < 0.1 * OPEN_S
+
+
 @pytest.mark.slow
 def test_what_may_be_chance_is_taken_back_where_a_trial_fails(monkeypatch):
     def failing(*_):

@@ -9,6 +9,7 @@ the poses cover what that may be wrong by.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from vgps.smoothing.stage_d.sensor_steps import least_cost_step
 # Standard deviations from the configured time offset that make a trial worth while. Poses that were held to
 # it have bent to the fixes, and suggest a part of what a trial finds; whether that is chance is decided then.
 _SUSPECT = 1.0
+_DOUBTED = 2.0  # times less is left open by the poses than by displacements: is that so?
+_END_SIGMAS = 2.0  # of what displacements leave open, where the poses are asked
+_CLEAR = 4.5  # of the cost: three standard deviations
 
 
 def with_shown_clock(
@@ -34,6 +38,9 @@ def with_shown_clock(
     What displacements have shown they improve if most fixes are RTK-fixes. Where that might be chance, or the
     places of the fixes suggest a time offset, the round is solved again with it to estimate, and counts if it
     is likelier than none and to the side that was suspected.
+
+    Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
+    of what those leave open: what a solution there costs decides how much is unknown, or is tried.
 
     Args:
         sensors: Before the round.
@@ -51,9 +58,15 @@ def with_shown_clock(
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     try:
         shown = _shown(solved, prior)
-        if (accepted := _tried(sensors, shown, settings, solve)) is not None:
+        if (accepted := _tried(sensors, _suspected(sensors, shown, settings), settings, solve)) is not None:
             return accepted
-        held_sigma_s = _held_sigma(shown, prior, settings.trusted_time_offset_s)
+        held_sigma_s = _held_sigma(shown, settings)
+        open_s = _left_open(sensors, solved, settings)
+        if open_s > _DOUBTED * held_sigma_s:
+            ends = _ends(sensors, solved, TimeOffset(shown.time_offset_s, open_s), solve)
+            if (accepted := _tried(sensors, _cheaper(ends), settings, solve)) is not None:
+                return accepted
+            held_sigma_s = min(open_s, _held_sigma(_as_sure_as(ends, shown), settings))
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
         pass
     if not shown_before:
@@ -62,30 +75,91 @@ def with_shown_clock(
     return replace(held, held_sigma_s=held_sigma_s), solve(held)
 
 
-def _held_sigma(shown: TimeOffset, prior: TimeOffset, trusted_s: float) -> float:
+def _held_sigma(shown: TimeOffset, settings: SensorsConfig) -> float:
     """Return the root mean square error of the prior's mean: clocks agree, or any time offset is as likely.
 
     Args:
-        shown: That of the poses, under the prior.
-        prior: Any time offset.
-        trusted_s: To which clocks agree where nothing is wrong.
+        shown: Under the prior, which is any time offset.
+        settings: The prior, and to what clocks agree where nothing is wrong.
     """
-    _, probability = model_average(without_prior(shown, prior), prior, trusted_s)
+    prior = TimeOffset.from_config(settings)
+    _, probability = model_average(without_prior(shown, prior), prior, settings.trusted_time_offset_s)
     error_s = float(np.hypot(shown.sigma_s, shown.time_offset_s - prior.time_offset_s))
     return float(np.sqrt(probability)) * error_s
 
 
+def _left_open(sensors: Sensors, solved: BatchSolution, settings: SensorsConfig) -> float:
+    """Return what displacements leave open of a held time offset; 0 if its effect is within all regions."""
+    if sensors.by_displacements is None:
+        return 0.0
+    path, fixes = solved.given.scene.trajectory, solved.given.fixes
+    open_s = _held_sigma(sensors.by_displacements, settings)
+    moved_m = open_s * path.length_m / float(np.ptp(path.t_s))
+    return open_s if moved_m > fixes.r_m[fixes.used].min() else 0.0
+
+
+class _End(NamedTuple):
+    """A time offset, with how far it is from the likeliest, and by how much the round costs more with it."""
+
+    start: TimeOffset
+    away_s: float
+    cost: float
+
+
+def _ends(
+    sensors: Sensors, solved: BatchSolution, left: TimeOffset, solve: Callable[[Sensors], BatchSolution]
+) -> list[_End]:
+    """Return both ends of what is left open.
+
+    The standard deviation that poses show is that of a small change. A bob or a shake between fixes fits at
+    other time offsets nearly as well, and tells them apart no more where they are further than its period.
+    """
+    away_s = _END_SIGMAS * left.sigma_s
+    ends = []
+    for end_s in (left.time_offset_s - away_s, left.time_offset_s + away_s):
+        there = solve(sensors.with_time_offset(TimeOffset(end_s, 0.0)))
+        ends.append(_End(TimeOffset(end_s, left.sigma_s), away_s, _cost(there) - _cost(solved)))
+    return ends
+
+
+def _cost(solved: BatchSolution) -> float:
+    return sum(solved.result.report.cost_after.values())
+
+
+def _cheaper(ends: list[_End]) -> tuple[TimeOffset, float] | None:
+    """Return the end to try, with the probability that it is no chance; None if none is clearly cheaper."""
+    best = min(ends, key=lambda end: end.cost)
+    return (best.start, 0.5) if best.cost < -_CLEAR else None
+
+
+def _as_sure_as(ends: list[_End], shown: TimeOffset) -> TimeOffset:
+    """Return a time offset with the standard deviation by which the ends cost what they do."""
+    sigmas_s = [end.away_s / np.sqrt(2.0 * end.cost) if end.cost > 0.0 else np.inf for end in ends]
+    return replace(shown, sigma_s=max(shown.sigma_s, *sigmas_s))
+
+
+def _suspected(
+    sensors: Sensors, shown: TimeOffset, settings: SensorsConfig
+) -> tuple[TimeOffset, float] | None:
+    """Return a time offset that may be chance, and the probability that it is not; None if there is none."""
+    if sensors.prior_time_offset.sigma_s:
+        return sensors.prior_time_offset, sensors.probability
+    chance_s = float(np.hypot(settings.trusted_time_offset_s, shown.sigma_s))
+    far = abs(shown.time_offset_s - settings.time_offset_s) >= _SUSPECT * chance_s
+    return (shown, 0.5) if far else None
+
+
 def _tried(
-    sensors: Sensors, shown: TimeOffset, settings: SensorsConfig, solve: Callable[[Sensors], BatchSolution]
+    sensors: Sensors,
+    suspected: tuple[TimeOffset, float] | None,
+    settings: SensorsConfig,
+    solve: Callable[[Sensors], BatchSolution],
 ) -> tuple[Sensors, BatchSolution] | None:
-    """Return the round with a time offset that may be chance; None if there is none, or if it is."""
+    """Return the round with a suspected time offset to estimate; None without one, or if it is chance."""
+    if suspected is None:
+        return None
+    start, before = suspected
     prior = TimeOffset.from_config(settings)
-    start, before = sensors.prior_time_offset, sensors.probability
-    if not start.sigma_s:
-        start, before = shown, 0.5
-        chance_s = float(np.hypot(settings.trusted_time_offset_s, start.sigma_s))
-        if abs(start.time_offset_s - prior.time_offset_s) < _SUSPECT * chance_s:
-            return None
     trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
     found = _shown(tried, prior)
