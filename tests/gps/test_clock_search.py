@@ -71,6 +71,22 @@ def test_wrong_fixes_may_hide_it_but_never_show_another(seed):
     assert found is None or abs(found - 6.0) < 0.3
 
 
+@pytest.mark.parametrize("begins", [True, False])
+def test_a_jump_of_the_fixes_near_an_end_shows_no_offset_that_leaves_it_out(begins):
+    """A receiver that loses its ambiguities 3 s after a walk began, or has them back 3 s before its end."""
+    video_s, t_s = np.arange(0.0, 30.0, 0.1), np.arange(0.3, 29.0)
+
+    def walk(t_s):
+        fine = np.arange(-70.0, 140.0, 0.02)
+        moved = 0.02 * np.cumsum(np.exp(0.5j * np.sin(0.1 * fine)))  # bends gently
+        return np.stack([np.interp(t_s, fine, part) for part in (moved.real, moved.imag, 0 * fine)], axis=1)
+
+    fixes = stamped(walk, 0.0, noise_m=0.01, t_s=t_s)
+    fixes.world_p_fix[t_s < 3.0 if begins else t_s > 26.0] += [1.0, -1.5, 0.0]
+    found = search_time_offset(trajectory(walk(video_s), video_s), fixes, np.zeros(3), CONFIG)
+    assert found is None or abs(found) < 1.0
+
+
 @pytest.mark.slow
 def test_fixes_that_are_not_used_do_not_count():
     fixes = stamped(street, 6.0)

@@ -17,7 +17,7 @@ from vgps.gps.fixes import Fixes, place
 from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M
 from vgps.gps.time_offset import min_gain, spaced, spacing_s
-from vgps.model import FloatArray
+from vgps.model import FloatArray, IntArray
 from vgps.solution import GpsClock, Trajectory
 
 _REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
@@ -45,15 +45,43 @@ class ClockCheck(NamedTuple):
 
 
 class _Misfit(NamedTuple):
-    """Lengths (n,) of what is left of the fixes' displacements at a time offset, over those themselves."""
+    """Lengths (n,) of what is left of the fixes' displacements at a time offset, over those themselves.
+
+    ``rows`` (n,) are the first fixes of the pairs within the video.
+    """
 
     left: FloatArray
+    rows: IntArray
     degrees_of_freedom: int
 
     @property
     def share(self) -> float:
         """Share of the motion that is left; a wrong fix counts as no motion."""
         return float(np.mean(np.minimum(self.left, 1.0) ** 2)) if len(self.left) else np.inf
+
+    def among(self, rows: IntArray) -> "_Misfit":
+        """Return that of the pairs that are among others, too."""
+        common = np.isin(self.rows, rows)
+        freedom = self.degrees_of_freedom - 2 * int(np.sum(~common))
+        return _Misfit(self.left[common], self.rows[common], freedom)
+
+    def clearly_less(self, other: "_Misfit", significance_sigmas: float, tried: float) -> bool:
+        """Return whether this explains the fixes beyond doubt better than another time offset.
+
+        An F-test of one parameter, of the pairs that both have within the video: a wrong fix that one of them
+        leaves out says nothing. Where these are too few, each with its own.
+
+        Args:
+            other: Of the other time offset.
+            significance_sigmas: As standard deviations of a single trial.
+            tried: Number of trials.
+        """
+        this = self
+        if len(np.intersect1d(self.rows, other.rows)) >= _MIN_PAIRS:
+            this, other = self.among(other.rows), other.among(self.rows)
+        worse = other.share / max(this.share, _LEAST_SHARE) - 1.0
+        freedom = this.degrees_of_freedom
+        return worse * freedom > min_gain(significance_sigmas, freedom, tried)
 
 
 def search_time_offset(
@@ -78,14 +106,10 @@ def search_time_offset(
     share = np.where(overlapping, [one.share for one in found], np.inf)
     best = int(np.argmin(share))
     reach_s = config.time_offset_reach_s
-    others = share[overlapping & (np.abs(offsets_s - offsets_s[best]) > reach_s)]
-    if not len(others):
-        return None
-    freedom, tried = found[best].degrees_of_freedom, 1.0 + len(others) * _STEP_S / reach_s
-    # an F-test of one parameter: by how much any other offset explains the fixes less well
-    worse = float(others.min()) / max(float(share[best]), _LEAST_SHARE) - 1.0
-    significant = worse * freedom > min_gain(config.significance_sigmas, freedom, tried)
-    return round(float(offsets_s[best]), 1) if significant else None
+    others = np.flatnonzero(overlapping & (np.abs(offsets_s - offsets_s[best]) > reach_s))
+    tried = 1.0 + len(others) * _STEP_S / reach_s
+    clear = (found[best].clearly_less(found[k], config.significance_sigmas, tried) for k in others.tolist())
+    return round(float(offsets_s[best]), 1) if len(others) and all(clear) else None
 
 
 def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig) -> bool:
@@ -106,11 +130,8 @@ def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, co
         return min(found, key=lambda misfit: misfit.share)
 
     right, mirrored = least(seen), least(seen._replace(antenna=seen.antenna.conj()))
-    if not mirrored.share < _EXPLAINED_SHARE:
-        return False
-    worse = right.share / max(mirrored.share, _LEAST_SHARE) - 1.0
-    freedom = mirrored.degrees_of_freedom
-    return worse * freedom > min_gain(config.significance_sigmas, freedom, float(len(offsets_s)))
+    explained = mirrored.share < _EXPLAINED_SHARE
+    return explained and mirrored.clearly_less(right, config.significance_sigmas, float(len(offsets_s)))
 
 
 def levelled(path: Trajectory) -> Trajectory:
@@ -151,7 +172,7 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     inside = (t_s >= seen.t_s[0]) & (t_s <= seen.t_s[-1])
     rows = np.flatnonzero(inside[:-1] & inside[1:] & (np.diff(t_s) <= config.max_pair_s))
     if len(rows) < _MIN_PAIRS:
-        return _Misfit(np.zeros(0), 0)
+        return _Misfit(np.zeros(0), rows[:0], 0)
     camera = np.diff(np.interp(t_s, seen.t_s, seen.antenna))[rows]
     wanted = np.diff(fixes.world_p_fix[:, 0] + 1j * fixes.world_p_fix[:, 1])[rows]
     knots_s = np.linspace(t_s[rows[0]], t_s[rows[-1]], 2 + int(np.ptp(t_s[rows]) / config.knot_s))
@@ -160,7 +181,7 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     length = np.abs(wanted)
     bound = max(float(np.quantile(length, _MOVING)), MIN_SPREAD_M)  # a displacement while it moves
     moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), MIN_SPREAD_M)
-    return _Misfit(np.abs(difference) / moved, 2 * len(rows) - 2 * knots.count - 1)
+    return _Misfit(np.abs(difference) / moved, rows, 2 * len(rows) - 2 * knots.count - 1)
 
 
 def _difference(
