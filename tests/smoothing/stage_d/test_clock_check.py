@@ -74,7 +74,8 @@ def trial(monkeypatch, shown, sensors=HELD, good=4):
     in_turn = iter(shown)
     fix_class = [CLASSES.index(FixClass.RTK_FIX)] * good + [CLASSES.index(FixClass.SINGLE)] * (4 - good)
     fixes = SimpleNamespace(used=np.ones(4, dtype=bool), fix_class=np.array(fix_class))
-    solved = SimpleNamespace(given=SimpleNamespace(context=context(Config()), fixes=fixes))
+    end = SimpleNamespace(problem=SimpleNamespace(shared={TIME_OFFSET: np.array([0.01])}))
+    solved = SimpleNamespace(given=SimpleNamespace(context=context(Config()), fixes=fixes), result=end)
     monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
     again = []
 
@@ -90,6 +91,15 @@ def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts)
     after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(found_s, 0.04)])
     assert [one.time_offset_s for one in again] == [0.07]
     assert decided(after) == (again[0] if counts else HELD)
+
+
+def test_what_a_trial_finds_is_held_unless_most_fixes_are_rtk_fixes(monkeypatch):
+    """The end of the trial is 0.01 s from its start, which moves what was found."""
+    found = TimeOffset(0.14, 0.04)
+    after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), found], good=2)
+    assert [one.time_offset_s for one in again] == [0.07]
+    assert not after.shown_by_poses and after.prior_time_offset == found and 0.5 < after.probability < 1.0
+    assert after.moved({TIME_OFFSET: np.array([0.01])}).time_offset_s == pytest.approx(0.14)
 
 
 @pytest.mark.slow

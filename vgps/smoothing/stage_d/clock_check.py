@@ -37,7 +37,8 @@ def with_shown_clock(
 
     What displacements have shown they improve if most fixes are RTK-fixes. Where that might be chance, or the
     places of the fixes suggest a time offset, the round is solved again with it to estimate, and counts if it
-    is likelier than none and to the side that was suspected.
+    is likelier than none and to the side that was suspected. Unless most fixes are RTK-fixes, it is held from
+    then on: later rounds, which learn how coarse fixes walk, take a walk along the path for a time offset.
 
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
     of what those leave open: what a solution there costs decides how much is unknown, or is tried.
@@ -53,8 +54,7 @@ def with_shown_clock(
         return sensors, solved
     shown_before = sensors.prior_time_offset.sigma_s > 0.0
     if shown_before and sensors.probability == 1.0:
-        good = solved.given.fixes.fix_class[used] == CLASSES.index(FixClass.RTK_FIX)
-        return replace(sensors, shown_by_poses=bool(np.mean(good) > 0.5)), solved
+        return replace(sensors, shown_by_poses=_mostly_rtk_fixes(solved)), solved
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     try:
         shown = _shown(solved, prior)
@@ -73,6 +73,12 @@ def with_shown_clock(
         return replace(sensors, held_sigma_s=held_sigma_s), solved
     held = sensors.with_time_offset(TimeOffset(prior.time_offset_s, 0.0))
     return replace(held, held_sigma_s=held_sigma_s), solve(held)
+
+
+def _mostly_rtk_fixes(solved: BatchSolution) -> bool:
+    """Return whether rounds that learn the errors of coarse fixes may still improve a time offset."""
+    fixes = solved.given.fixes
+    return bool(np.mean(fixes.fix_class[fixes.used] == CLASSES.index(FixClass.RTK_FIX)) > 0.5)
 
 
 def _held_sigma(shown: TimeOffset, settings: SensorsConfig) -> float:
@@ -164,8 +170,15 @@ def _tried(
     tried = solve(trial)
     found = _shown(tried, prior)
     _, probability = model_average(found, prior, settings.trusted_time_offset_s)
-    likelier = probability * before >= (1.0 - probability) * (1.0 - before)
-    return (trial, tried) if likelier and _same_side(start, found, prior) else None
+    likely, chance = probability * before, (1.0 - probability) * (1.0 - before)
+    if not (likely >= chance and _same_side(start, found, prior)):
+        return None
+    if _mostly_rtk_fixes(tried):
+        return trial, tried
+    # the end of this round moves it as the trial did
+    moved_s = trial.moved(tried.result.problem.shared).time_offset_s - trial.time_offset_s
+    held = sensors.with_time_offset(found, likely / (likely + chance))
+    return replace(held, time_offset_s=found.time_offset_s - moved_s), tried
 
 
 def _same_side(suspected: TimeOffset, found: TimeOffset, prior: TimeOffset) -> bool:
