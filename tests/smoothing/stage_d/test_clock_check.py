@@ -141,11 +141,11 @@ OPEN_S = np.sqrt(0.169) * 0.1  # as above
 CLAIMED = TimeOffset(0.0, 0.005)  # by the poses
 
 
-def asked(monkeypatch, costs, shown=(CLAIMED,), r_m=0.1, speed_m_s=10.0):
+def asked(monkeypatch, costs, r_m=0.1, speed_m_s=10.0):
     """Return the sensors that follow where poses claim to know the time offset better than displacements, and
     the time offsets at which they are asked; each solution has the next of the costs."""
-    monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
-    in_turn, again = iter(shown), []
+    monkeypatch.setattr(clock_check, "_shown", lambda *_: CLAIMED)
+    again = []
     path = SimpleNamespace(length_m=10.0 * speed_m_s, t_s=np.array([0.0, 10.0]))
     fixes = SimpleNamespace(used=np.ones(1, dtype=bool), fix_class=np.zeros(1), r_m=np.array([r_m]))
     given = SimpleNamespace(context=context(Config()), fixes=fixes, scene=SimpleNamespace(trajectory=path))
@@ -177,17 +177,10 @@ def test_what_poses_claim_is_no_surer_than_the_cost_of_the_ends(monkeypatch):
     assert after.held_sigma_s == pytest.approx(alone.held_sigma_s, rel=0.02)
 
 
-def test_where_other_time_offsets_cost_the_same_displacements_say_what_is_unknown(monkeypatch):
+def test_where_other_time_offsets_cost_no_more_displacements_say_what_is_unknown(monkeypatch):
     """As on an orbit at constant speed, where only the bob of a walk is left to compare."""
-    after, _ = asked(monkeypatch, [100.5, 99.0])
+    after, _ = asked(monkeypatch, [100.5, 60.0])
     assert after.held_sigma_s == pytest.approx(OPEN_S, rel=0.01)
-
-
-def test_an_end_that_is_clearly_cheaper_is_tried(monkeypatch):
-    shown = [CLAIMED, TimeOffset(0.12, 0.01)]
-    after, again = asked(monkeypatch, [150.0, 60.0, 55.0], shown)
-    assert again == pytest.approx(2.0 * OPEN_S * np.array([-1.0, 1.0, 1.0]), rel=0.01)
-    assert after.shown_by_poses and after.time_offset_s == again[-1]
 
 
 @pytest.mark.parametrize("given", [{"r_m": 1.0}, {"speed_m_s": 1.0}])

@@ -27,7 +27,6 @@ from vgps.smoothing.stage_d.sensor_steps import least_cost_step
 _SUSPECT = 1.0
 _DOUBTED = 2.0  # times less is left open by the poses than by displacements: is that so?
 _END_SIGMAS = 2.0  # of what displacements leave open, where the poses are asked
-_CLEAR = 4.5  # of the cost: three standard deviations
 
 
 def with_shown_clock(
@@ -41,7 +40,7 @@ def with_shown_clock(
     then on: later rounds, which learn how coarse fixes walk, take a walk along the path for a time offset.
 
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
-    of what those leave open: what a solution there costs decides how much is unknown, or is tried.
+    of what those leave open: what a solution there costs more decides how much is unknown.
 
     Args:
         sensors: Before the round.
@@ -64,8 +63,6 @@ def with_shown_clock(
         open_s = _left_open(sensors, solved, settings)
         if open_s > _DOUBTED * held_sigma_s:
             ends = _ends(sensors, solved, TimeOffset(shown.time_offset_s, open_s), solve)
-            if (accepted := _tried(sensors, _cheaper(ends), settings, solve)) is not None:
-                return accepted
             held_sigma_s = min(open_s, _held_sigma(_as_sure_as(ends, shown), settings))
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
         pass
@@ -105,9 +102,8 @@ def _left_open(sensors: Sensors, solved: BatchSolution, settings: SensorsConfig)
 
 
 class _End(NamedTuple):
-    """A time offset, with how far it is from the likeliest, and by how much the round costs more with it."""
+    """How far a time offset is from the likeliest, and by how much the round costs more with it."""
 
-    start: TimeOffset
     away_s: float
     cost: float
 
@@ -119,23 +115,18 @@ def _ends(
 
     The standard deviation that poses show is that of a small change. A bob or a shake between fixes fits at
     other time offsets nearly as well, and tells them apart no more where they are further than its period.
+    An end that costs less is no time offset to try: rounds end early, and their costs scatter.
     """
     away_s = _END_SIGMAS * left.sigma_s
     ends = []
     for end_s in (left.time_offset_s - away_s, left.time_offset_s + away_s):
         there = solve(sensors.with_time_offset(TimeOffset(end_s, 0.0)))
-        ends.append(_End(TimeOffset(end_s, left.sigma_s), away_s, _cost(there) - _cost(solved)))
+        ends.append(_End(away_s, _cost(there) - _cost(solved)))
     return ends
 
 
 def _cost(solved: BatchSolution) -> float:
     return sum(solved.result.report.cost_after.values())
-
-
-def _cheaper(ends: list[_End]) -> tuple[TimeOffset, float] | None:
-    """Return the end to try, with the probability that it is no chance; None if none is clearly cheaper."""
-    best = min(ends, key=lambda end: end.cost)
-    return (best.start, 0.5) if best.cost < -_CLEAR else None
 
 
 def _as_sure_as(ends: list[_End], shown: TimeOffset) -> TimeOffset:
