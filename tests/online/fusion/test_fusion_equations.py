@@ -8,9 +8,9 @@ from synthetic_fixes import fixes_of_size
 
 import vgps
 from vgps.config import StartConfig
-from vgps.gps.sensors import TimeOffset
 from vgps.online.fusion.fusion_equations import BIAS, MEAN_ROLL, TIME_OFFSET, UNKNOWNS, cost, normal_equations
 from vgps.online.fusion.fusion_nodes import fusion_nodes
+from vgps.online.fusion.live_time_offset import LiveTimeOffset
 from vgps.online.fusion.node_fixes import seen_fixes
 from vgps.online.fusion.path_fusion import fuse
 from vgps.online.fusion.video_path import VideoPath
@@ -121,7 +121,7 @@ def test_nodes_lie_at_fixes_and_not_far_apart():
     drive = DrivingCamera(200)
     fixes = drive.fixes(*fixed_then_float(3, 3, np.zeros(3)))  # the last at 5 s
     path = drive.seen()
-    nodes = fusion_nodes(path, seen_fixes(path, fixes, TimeOffset(0.0, 0.0)), ANTENNA, vgps.Config())
+    nodes = fusion_nodes(path, seen_fixes(path, fixes, LiveTimeOffset(0.0, 0.0, 0.0)), ANTENNA, vgps.Config())
     assert np.diff(nodes.t_s).max() <= 1.5 + 1e-9 and nodes.t_s[-1] == drive.t_s[-1]
     np.testing.assert_allclose(nodes.t_s[nodes.fixes.node], fixes.t_s)
     assert np.flatnonzero(nodes.starts).tolist() == [0, 3]

@@ -4,6 +4,7 @@ import pytest
 from vgps.config import SensorsConfig
 from vgps.gps.sensors import TimeOffset
 from vgps.online.fusion.live_time_offset import (
+    LiveTimeOffset,
     any_time_offset,
     believed_time_offset,
     news_of_time_offset,
@@ -24,6 +25,7 @@ def test_before_the_motion_shows_it_both_hypotheses_stand():
     believed = believed_time_offset(any_time_offset(CONFIG), CONFIG)
     assert believed.time_offset_s == pytest.approx(0.0, abs=1e-9)
     assert believed.sigma_s == pytest.approx(np.sqrt(0.5) * 0.5, rel=1e-3)
+    assert believed.reach_s == believed.sigma_s
 
 
 @pytest.mark.parametrize(
@@ -37,10 +39,19 @@ def test_what_may_be_chance_moves_nothing(preferred_s, sigma_s, least_s, most_s)
     assert abs(believed.time_offset_s - preferred_s) < 3.0 * max(believed.sigma_s, 0.02)
 
 
+@pytest.mark.parametrize(("sigma_s", "reach_s"), [(0.1, 0.25), (0.05, 0.145), (0.01, 0.036)])
+def test_velocities_are_means_over_half_a_step_until_more_is_known_than_that_clocks_may_agree(
+    sigma_s, reach_s
+):
+    """Three standard deviations and what clocks agree to, under the prior, where agreement is likelier."""
+    believed = believed_time_offset(found(0.0, sigma_s), CONFIG)
+    assert believed.sigma_s < believed.reach_s == pytest.approx(reach_s, abs=0.001)
+
+
 def test_settings_decide_whether_it_is_found():
     chance = found(0.03, 0.01)
     no, yes = (CONFIG.model_copy(update={"estimate_time_offset": choice}) for choice in ("no", "yes"))
-    assert believed_time_offset(chance, no) == TimeOffset(0.0, 0.0)
+    assert believed_time_offset(chance, no) == LiveTimeOffset(0.0, 0.0, 0.0)
     assert believed_time_offset(chance, yes).time_offset_s == pytest.approx(0.03, abs=0.001)
 
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 import vgps
+from vgps.geometry import rotation_matrices
 from vgps.model import FixClass
 from vgps.online.fusion.fusion_equations import MEAN_ROLL, OFFSET
 from vgps.online.fusion.path_fusion import fuse
@@ -76,6 +77,21 @@ def test_a_walkers_sway_tells_no_time_offset_at_first(late_s):
     fits, _ = live(walk, walk.seen(np.random.default_rng(3)), replace(fixes, t_s=fixes.t_s + late_s))
     found = [fit.time_offset for fit in fits]
     assert max(abs(one.time_offset_s - late_s) / one.sigma_s for one in found) < 2.0
+
+
+@pytest.mark.slow
+def test_the_bob_of_a_walk_in_a_circle_confirms_no_clock():
+    """Any clock suits a circle at constant speed; only the bob of 1.8 Hz is left to compare at 1 Hz."""
+    walk = DrivingCamera(300)
+    angle, phase = 1.5 / 8.0 * walk.t_s, 2.0 * np.pi * 1.8 * walk.t_s
+    circle = np.stack([8.0 * np.cos(angle), 8.0 * np.sin(angle), 0.025 * np.sin(phase)], axis=1)
+    walk.true[:, :3, 3] = circle
+    walk.true[:, :3, :3] = rotation_matrices(np.outer(angle, [0.0, 0.0, 1.0])) @ walk.true[0, :3, :3]
+    noise_m = np.random.default_rng(5).normal(0.0, 0.008, (30, 3))
+    fixes = walk.fixes([FixClass.RTK_FIX] * 30, noise_m)
+    fits, _ = live(walk, walk.seen(np.random.default_rng(3)), replace(fixes, t_s=fixes.t_s - 0.3))
+    found = [fit.time_offset for fit in fits]
+    assert max(abs(one.time_offset_s + 0.3) / one.sigma_s for one in found) < 3.0
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@ import numpy as np
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.offset_errors import mean_errors, step_scale
-from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
+from vgps.online.fusion.live_time_offset import LiveTimeOffset
 from vgps.online.fusion.video_path import VideoPath
 
 SAME_TIME_S = 1e-6  # times of frames, fixes and nodes closer than this are one up to rounding
@@ -24,8 +24,7 @@ class SeenFixes:
         rest_s: Rest of the time offset, as known so far.
         time_offset_s: (M,) the same, less where the path begins later.
         camera: (M, 4, 4) poses in the map at that time before the time stamps.
-        velocity: (M, 3) the camera's mean within a standard deviation of the time offset, in the map, per
-            second.
+        velocity: (M, 3) the camera's mean within reach of the time offset, in the map, per second.
         bend: (M,) how far the path departs from that there, in the map.
     """
 
@@ -37,7 +36,7 @@ class SeenFixes:
     bend: FloatArray
 
 
-def seen_fixes(path: VideoPath, fixes: Fixes, rest: TimeOffset) -> SeenFixes:
+def seen_fixes(path: VideoPath, fixes: Fixes, rest: LiveTimeOffset) -> SeenFixes:
     """Return those of the fixes with time stamps within a path that were taken before its end.
 
     Args:
@@ -45,7 +44,7 @@ def seen_fixes(path: VideoPath, fixes: Fixes, rest: TimeOffset) -> SeenFixes:
         fixes: The fixes.
         rest: What is believed of the rest of the time offset.
     """
-    rest_s, half_s = rest.time_offset_s, max(rest.sigma_s, _HALF_S)
+    rest_s, half_s = rest.time_offset_s, max(rest.reach_s, _HALF_S)
     since_s, until_s = path.t_s[[0, -1]]
     inside = (fixes.t_s >= since_s - SAME_TIME_S) & (fixes.t_s <= until_s + min(rest_s, 0.0))
     fixes = fixes.where(inside)
@@ -67,7 +66,7 @@ class NodeFixes:
         fix_class: (M,) class of each.
         step: (M, 3) camera at the fix minus camera at the node, in the map.
         velocity: (M, 3) the camera's about the fix, in the map, per second.
-        bend: (M,) how far the path departs from that within the time offset's uncertainty, in the map.
+        bend: (M,) how far the path departs from that within reach of the time offset, in the map.
         time_offset_s: (M,) rest of the time offset for which the step holds.
         arm: (M, 3) antenna minus camera at the fix, in the map's axes, metres.
         world_p_fix: (M, 3) the fixes.

@@ -16,7 +16,6 @@ from vgps.config import Config
 from vgps.geometry import cross_matrices, interpolate_vectors, rotation_matrices, rotation_vectors
 from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import LearnedErrors
-from vgps.gps.sensors import TimeOffset
 from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.online.fusion.block_system import BlockSystem
@@ -36,7 +35,7 @@ from vgps.online.fusion.fusion_equations import (
 )
 from vgps.online.fusion.fusion_nodes import FusionNodes, fusion_nodes, video_drift
 from vgps.online.fusion.gravity import Gravity
-from vgps.online.fusion.live_time_offset import unseen_time_offset, with_time_offset_sigma
+from vgps.online.fusion.live_time_offset import LiveTimeOffset, unseen_time_offset, with_time_offset_sigma
 from vgps.online.fusion.node_fixes import SAME_TIME_S, seen_fixes
 from vgps.online.fusion.unknown_time_offset import unknown_time_offset
 from vgps.online.fusion.video_path import VideoPath
@@ -63,7 +62,7 @@ class FusedPath:
     nodes: FusionNodes
     state: FusionState
     prior: FirstNodePrior
-    time_offset: TimeOffset
+    time_offset: LiveTimeOffset
     covariance: FloatArray
     system: BlockSystem
     learned: Mapping[FixClass, LearnedErrors] = field(default_factory=dict)

@@ -23,6 +23,7 @@ from vgps.online.fusion.fusion_equations import (
 )
 from vgps.online.fusion.fusion_nodes import FusionNodes
 from vgps.online.fusion.live_time_offset import (
+    LiveTimeOffset,
     any_time_offset,
     believed_time_offset,
     with_time_offset_sigma,
@@ -40,7 +41,7 @@ class UnknownTimeOffset:
     """
 
     system: BlockSystem
-    time_offset: TimeOffset
+    time_offset: LiveTimeOffset
     covariance: FloatArray
 
 
