@@ -42,8 +42,8 @@ class Sensors:
         probability: That the prior time offset is not chance; below 1 stage D decides.
         shown_by_poses: Whether the poses of stage D determine the time offset although errors have memory.
         held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D shows.
-        by_displacements: Of a path without fixes, under the configured prior, before it was decided; None
-            before it was looked at.
+        by_displacements: What displacements say, under the configured prior, where they are not certain; None
+            before they were looked at.
         clock_rate: By which the time offset grows in each second.
         clock_rate_sigma: Its standard deviation; 0 if nothing contradicts the configured one.
     """

@@ -9,7 +9,6 @@ the poses cover what that may be wrong by.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -59,11 +58,7 @@ def with_shown_clock(
         shown = _shown(solved, prior)
         if (accepted := _tried(sensors, _suspected(sensors, shown, settings), settings, solve)) is not None:
             return accepted
-        held_sigma_s = _held_sigma(shown, settings)
-        open_s = _left_open(sensors, solved, settings)
-        if open_s > _DOUBTED * held_sigma_s:
-            ends = _ends(sensors, solved, TimeOffset(shown.time_offset_s, open_s), solve)
-            held_sigma_s = min(open_s, _held_sigma(_as_sure_as(ends, shown), settings))
+        held_sigma_s = _left_unknown(sensors, solved, shown, solve)
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
         pass
     if not shown_before:
@@ -91,6 +86,33 @@ def _held_sigma(shown: TimeOffset, settings: SensorsConfig) -> float:
     return float(np.sqrt(probability)) * error_s
 
 
+def _left_unknown(
+    sensors: Sensors, solved: BatchSolution, shown: TimeOffset, solve: Callable[[Sensors], BatchSolution]
+) -> float:
+    """Return the root mean square error of a time offset that is held.
+
+    The standard deviation that poses show is of a small change. A bob or a shake between fixes fits at other
+    time offsets nearly as well, and tells them apart no more where they are further than its period. An end
+    that costs less is no time offset to try: rounds end early, and their costs scatter.
+
+    Args:
+        sensors, solved, solve: As for :func:`with_shown_clock`.
+        shown: By the poses.
+    """
+    settings = solved.given.context.config.sensors
+    held_sigma_s, open_s = _held_sigma(shown, settings), _left_open(sensors, solved, settings)
+    if open_s <= _DOUBTED * held_sigma_s:
+        return held_sigma_s
+    away_s = _END_SIGMAS * open_s
+    ends_s = shown.time_offset_s - away_s, shown.time_offset_s + away_s
+    costs = [_cost(solve(sensors.with_time_offset(TimeOffset(end_s, 0.0)))) for end_s in ends_s]
+    more = min(costs) - _cost(solved)
+    if more <= 0.0:
+        return open_s
+    sigma_s = max(shown.sigma_s, float(away_s / np.sqrt(2.0 * more)))
+    return min(open_s, _held_sigma(replace(shown, sigma_s=sigma_s), settings))
+
+
 def _left_open(sensors: Sensors, solved: BatchSolution, settings: SensorsConfig) -> float:
     """Return what displacements leave open of a held time offset; 0 if its effect is within all regions."""
     if sensors.by_displacements is None:
@@ -101,38 +123,8 @@ def _left_open(sensors: Sensors, solved: BatchSolution, settings: SensorsConfig)
     return open_s if moved_m > fixes.r_m[fixes.used].min() else 0.0
 
 
-class _End(NamedTuple):
-    """How far a time offset is from the likeliest, and by how much the round costs more with it."""
-
-    away_s: float
-    cost: float
-
-
-def _ends(
-    sensors: Sensors, solved: BatchSolution, left: TimeOffset, solve: Callable[[Sensors], BatchSolution]
-) -> list[_End]:
-    """Return both ends of what is left open.
-
-    The standard deviation that poses show is that of a small change. A bob or a shake between fixes fits at
-    other time offsets nearly as well, and tells them apart no more where they are further than its period.
-    An end that costs less is no time offset to try: rounds end early, and their costs scatter.
-    """
-    away_s = _END_SIGMAS * left.sigma_s
-    ends = []
-    for end_s in (left.time_offset_s - away_s, left.time_offset_s + away_s):
-        there = solve(sensors.with_time_offset(TimeOffset(end_s, 0.0)))
-        ends.append(_End(away_s, _cost(there) - _cost(solved)))
-    return ends
-
-
 def _cost(solved: BatchSolution) -> float:
     return sum(solved.result.report.cost_after.values())
-
-
-def _as_sure_as(ends: list[_End], shown: TimeOffset) -> TimeOffset:
-    """Return a time offset with the standard deviation by which the ends cost what they do."""
-    sigmas_s = [end.away_s / np.sqrt(2.0 * end.cost) if end.cost > 0.0 else np.inf for end in ends]
-    return replace(shown, sigma_s=max(shown.sigma_s, *sigmas_s))
 
 
 def _suspected(
