@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import is_mirrored, levelled, search_time_offset
+from vgps.gps.clock_search import is_mirrored, levelled, search_time_offset, shows_no_time_offset
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
@@ -113,6 +113,13 @@ def test_fixes_of_a_stop_agree_with_no_motion_at_all():
 def test_a_motion_that_looks_the_same_at_all_times_shows_none(place_of, seed):
     path = seen(place_of(VIDEO_S))
     assert search_time_offset(path, stamped(place_of, 5.0, seed=seed), np.zeros(3), CONFIG) is None
+
+
+@pytest.mark.parametrize(("place_of", "silent"), [(straight, True), (circle, True), (street, False)])
+@pytest.mark.parametrize("late_s", [0.0, 5.0])
+def test_a_motion_that_shows_no_time_offset_is_known_whatever_the_clock(place_of, silent, late_s):
+    path, fixes = seen(place_of(VIDEO_S)), stamped(place_of, late_s)
+    assert shows_no_time_offset(path, fixes, np.zeros(3), SensorsConfig(time_offset_s=5.0 - late_s)) == silent
 
 
 @pytest.mark.slow

@@ -112,6 +112,24 @@ def search_time_offset(
     return round(float(offsets_s[best]), 1) if len(others) and all(clear) else None
 
 
+def shows_no_time_offset(
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
+) -> bool:
+    """Return whether the motion explains the fixes as well at other time offsets near the configured one.
+
+    So it does on a straight or in a circle at constant speed, where another one is another place or heading.
+
+    Args:
+        path, fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
+    """
+    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
+    offsets_s = _near(config)
+    held = _misfit(seen, chosen, config.time_offset_s, config.time_offset)
+    others = (_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist())
+    tried = float(len(offsets_s))
+    return not any(held.clearly_less(other, config.significance_sigmas, tried) for other in others)
+
+
 def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig) -> bool:
     """Return whether the mirror image of a path explains the fixes, and the path does not, beyond doubt.
 
@@ -122,8 +140,7 @@ def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, co
         fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
     """
     seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
-    reach_s = config.time_offset_reach_s
-    offsets_s = config.time_offset_s + np.arange(-reach_s, reach_s + _STEP_S / 2, _STEP_S)
+    offsets_s = _near(config)
 
     def least(one: _Seen) -> _Misfit:
         found = (_misfit(one, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist())
@@ -132,6 +149,12 @@ def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, co
     right, mirrored = least(seen), least(seen._replace(antenna=seen.antenna.conj()))
     explained = mirrored.share < _EXPLAINED_SHARE
     return explained and mirrored.clearly_less(right, config.significance_sigmas, float(len(offsets_s)))
+
+
+def _near(config: SensorsConfig) -> FloatArray:
+    """Return the time offsets that the search by displacements reaches."""
+    reach_s = config.time_offset_reach_s
+    return np.asarray(config.time_offset_s + np.arange(-reach_s, reach_s + _STEP_S / 2, _STEP_S))
 
 
 def levelled(path: Trajectory) -> Trajectory:

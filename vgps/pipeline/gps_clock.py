@@ -8,9 +8,15 @@ from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
 from vgps.gps.clock_rate import ShownClock, parts_agree, search_clock_rate
-from vgps.gps.clock_search import ClockCheck, is_mirrored, levelled, search_time_offset
+from vgps.gps.clock_search import (
+    ClockCheck,
+    is_mirrored,
+    levelled,
+    search_time_offset,
+    shows_no_time_offset,
+)
 from vgps.gps.fixes import Fixes, antenna_offsets, place
-from vgps.gps.sensors import Sensors
+from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import estimate_time_offset
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
@@ -174,6 +180,8 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     corrected = fixes.on_video_clock(sensors)
     path = _in_the_world(path, corrected, sensors.camera_p_antenna, config)
     found, notes = estimate_time_offset(sensors, path, steady, config)
+    if shows_no_time_offset(video, steady, sensors.camera_p_antenna, settings):
+        found = replace(found, by_displacements=TimeOffset.from_config(settings))
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
 
 
