@@ -122,6 +122,12 @@ def test_a_motion_that_shows_no_time_offset_is_known_whatever_the_clock(place_of
     assert shows_no_time_offset(path, fixes, np.zeros(3), SensorsConfig(time_offset_s=5.0 - late_s)) == silent
 
 
+def test_offsets_that_leave_too_few_fixes_within_the_video_show_nothing():
+    fixes = stamped(circle, 0.0, t_s=np.arange(0.3, 9.0))  # 8 pairs, and fewer at most other offsets
+    video = Trajectory(VIDEO_S[:90], seen(circle(VIDEO_S)).world_T_camera[:90])
+    assert shows_no_time_offset(video, fixes, np.zeros(3), CONFIG)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_fixes_of_another_motion_show_none(seed):

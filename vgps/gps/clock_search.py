@@ -60,25 +60,27 @@ class _Misfit(NamedTuple):
         return float(np.mean(np.minimum(self.left, 1.0) ** 2)) if len(self.left) else np.inf
 
     def among(self, rows: IntArray) -> "_Misfit":
-        """Return that of the pairs that are among others, too."""
-        common = np.isin(self.rows, rows)
-        freedom = self.degrees_of_freedom - 2 * int(np.sum(~common))
-        return _Misfit(self.left[common], self.rows[common], freedom)
+        """Return that of some of the pairs."""
+        chosen = np.isin(self.rows, rows)
+        freedom = self.degrees_of_freedom - 2 * int(np.sum(~chosen))
+        return _Misfit(self.left[chosen], self.rows[chosen], freedom)
 
     def clearly_less(self, other: "_Misfit", significance_sigmas: float, tried: float) -> bool:
         """Return whether this explains the fixes beyond doubt better than another time offset.
 
         An F-test of one parameter, of the pairs that both have within the video: a wrong fix that one of them
-        leaves out says nothing. Where these are too few, each with its own.
+        leaves out says nothing. Where these are too few, each with its own; one without pairs says nothing.
 
         Args:
             other: Of the other time offset.
             significance_sigmas: As standard deviations of a single trial.
             tried: Number of trials.
         """
-        this = self
-        if len(np.intersect1d(self.rows, other.rows)) >= _MIN_PAIRS:
-            this, other = self.among(other.rows), other.among(self.rows)
+        if not len(other.left):
+            return False
+        this, common = self, np.intersect1d(self.rows, other.rows)
+        if len(common) >= _MIN_PAIRS:
+            this, other = self.among(common), other.among(common)
         worse = other.share / max(this.share, _LEAST_SHARE) - 1.0
         freedom = this.degrees_of_freedom
         return worse * freedom > min_gain(significance_sigmas, freedom, tried)

@@ -56,7 +56,7 @@ def with_shown_clock(
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     try:
         shown = _shown(solved, prior)
-        if (accepted := _tried(sensors, _suspected(sensors, shown, settings), settings, solve)) is not None:
+        if (accepted := _tried(sensors, shown, settings, solve)) is not None:
             return accepted
         held_sigma_s = _left_unknown(sensors, solved, shown, solve)
     except (GeometryError, np.linalg.LinAlgError):  # said with the standard deviations of the poses
@@ -92,8 +92,9 @@ def _left_unknown(
     """Return the root mean square error of a time offset that is held.
 
     The standard deviation that poses show is of a small change. A bob or a shake between fixes fits at other
-    time offsets nearly as well, and tells them apart no more where they are further than its period. An end
-    that costs less is no time offset to try: rounds end early, and their costs scatter.
+    time offsets nearly as well, and tells them apart no more where they are further than its period. So poses
+    are no surer than what both ends of what displacements leave open cost more. An end that costs less is no
+    time offset to try: rounds end early, and their costs scatter.
 
     Args:
         sensors, solved, solve: As for :func:`with_shown_clock`.
@@ -105,7 +106,10 @@ def _left_unknown(
         return held_sigma_s
     away_s = _END_SIGMAS * open_s
     ends_s = shown.time_offset_s - away_s, shown.time_offset_s + away_s
-    costs = [_cost(solve(sensors.with_time_offset(TimeOffset(end_s, 0.0)))) for end_s in ends_s]
+    try:
+        costs = [_cost(solve(sensors.with_time_offset(TimeOffset(end_s, 0.0)))) for end_s in ends_s]
+    except GeometryError:  # no solution confirms what the poses claim
+        return open_s
     more = min(costs) - _cost(solved)
     if more <= 0.0:
         return open_s
@@ -119,35 +123,24 @@ def _left_open(sensors: Sensors, solved: BatchSolution, settings: SensorsConfig)
         return 0.0
     path, fixes = solved.given.scene.trajectory, solved.given.fixes
     open_s = _held_sigma(sensors.by_displacements, settings)
-    moved_m = open_s * path.length_m / float(np.ptp(path.t_s))
-    return open_s if moved_m > fixes.r_m[fixes.used].min() else 0.0
+    counts = open_s * path.length_m > fixes.r_m[fixes.used].min() * np.ptp(path.t_s)
+    return open_s if counts else 0.0
 
 
 def _cost(solved: BatchSolution) -> float:
     return sum(solved.result.report.cost_after.values())
 
 
-def _suspected(
-    sensors: Sensors, shown: TimeOffset, settings: SensorsConfig
-) -> tuple[TimeOffset, float] | None:
-    """Return a time offset that may be chance, and the probability that it is not; None if there is none."""
-    if sensors.prior_time_offset.sigma_s:
-        return sensors.prior_time_offset, sensors.probability
-    chance_s = float(np.hypot(settings.trusted_time_offset_s, shown.sigma_s))
-    far = abs(shown.time_offset_s - settings.time_offset_s) >= _SUSPECT * chance_s
-    return (shown, 0.5) if far else None
-
-
 def _tried(
-    sensors: Sensors,
-    suspected: tuple[TimeOffset, float] | None,
-    settings: SensorsConfig,
-    solve: Callable[[Sensors], BatchSolution],
+    sensors: Sensors, shown: TimeOffset, settings: SensorsConfig, solve: Callable[[Sensors], BatchSolution]
 ) -> tuple[Sensors, BatchSolution] | None:
-    """Return the round with a suspected time offset to estimate; None without one, or if it is chance."""
-    if suspected is None:
-        return None
-    start, before = suspected
+    """Return the round with a time offset that may be chance; None if there is none, or if it is."""
+    start, before = sensors.prior_time_offset, sensors.probability
+    if not start.sigma_s:
+        start, before = shown, 0.5
+        chance_s = float(np.hypot(settings.trusted_time_offset_s, start.sigma_s))
+        if abs(start.time_offset_s - settings.time_offset_s) < _SUSPECT * chance_s:
+            return None
     prior = TimeOffset.from_config(settings)
     trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
