@@ -28,7 +28,7 @@ _LEAST_SIGMAS = 2.0  # of the jackknife: on an orbit at constant speed the parts
 
 
 def parts_agree(rate: float, rate_sigma: float) -> bool:
-    """Whether the parts of a video show a rate by more than the standard deviation of their jackknife."""
+    """Return whether the parts of a video agree on a rate: by two standard deviations of their jackknife."""
     return abs(rate) > _LEAST_SIGMAS * rate_sigma
 
 

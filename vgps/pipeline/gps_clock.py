@@ -171,10 +171,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
         front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock))
         if settings.clock_rate or parts_agree(shown.clock.rate, shown.rate_sigma):
-            told = () if settings.clock_rate else (_rate_note(shown.clock, path.t_s),)
-            sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
-            found = sensors.with_clock(shown.clock, sigma_s, shown.rate_sigma)
-            return replace(front_end, sensors=found, warnings=(*front_end.warnings, *told))
+            return _with_rate(front_end, shown, config)
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
     corrected = fixes.on_video_clock(sensors)
@@ -183,6 +180,15 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     if shows_no_time_offset(video, steady, sensors.camera_p_antenna, settings):
         found = replace(found, by_displacements=TimeOffset.from_config(settings))
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
+
+
+def _with_rate(front_end: FrontEnd, shown: ShownClock, config: Config) -> FrontEnd:
+    """Return the front end with a clock of another rate, of which a run that began with one has a note."""
+    settings, video = config.sensors, front_end.recording.video
+    told = () if settings.clock_rate else (_rate_note(shown.clock, video.times_s),)
+    sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
+    found = front_end.sensors.with_clock(shown.clock, sigma_s, shown.rate_sigma)
+    return replace(front_end, sensors=found, warnings=(*front_end.warnings, *told))
 
 
 def _of_another_rate(video: Trajectory, fixes: Fixes, sensors: Sensors, config: Config) -> ShownClock | None:
