@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from fused_drives import ANTENNA, SPEED_M_S, DrivingCamera, fixed_then_float
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -149,6 +149,20 @@ def test_floats_do_not_tilt_the_path_whatever_the_roll_of_the_mounting(mount_rol
     assert np.degrees(np.arccos(up[2, 2])) < limit_deg
     found_deg = np.degrees(np.arcsin(fits[-1].state.values[-1, MEAN_ROLL]))
     assert abs(abs(found_deg) - abs(mount_roll_deg)) < limit_deg
+
+
+def test_the_roll_of_the_mounting_that_a_straight_hides_is_in_the_sigmas():
+    """The antenna is a metre above the camera, so that seven degrees are 0.12 m to one side."""
+    drive = DrivingCamera(100)
+    drive.true[:, :3, :3] = drive.true[0, :3, :3]
+    drive.true[:, :3, 3] = drive.t_s[:, None] * [0.0, SPEED_M_S, 0.0]
+    path, antenna = turned(drive.seen(), 0.0, 7.0)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 10, np.zeros((10, 3)))
+    fit = fuse(path, fixes, antenna, CONFIG, None)
+    error = fit.world_T_camera(path)[-1, :3, 3] - drive.true[-1, :3, 3]
+    sigma = np.sqrt(np.diag(fit.covariance_at_end(path, CONFIG)))[:3]
+    assert abs(error[0]) == pytest.approx(0.12, abs=0.02)
+    assert sigma[0] == pytest.approx(np.radians(CONFIG.start.level_sigma_deg), rel=0.2)  # at a metre
 
 
 @pytest.mark.slow

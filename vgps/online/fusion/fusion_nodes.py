@@ -8,7 +8,7 @@ a fix counts as soon as it comes.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -116,6 +116,14 @@ class FusionNodes:
     level: FloatArray
     time_offset: TimeOffset
     mean_roll: float
+
+    def for_sigmas(self, time_offset: TimeOffset) -> "FusionNodes":
+        """Return the nodes with a prior of the time offset, and with a mean roll as unsure as it is.
+
+        Cauchy's distribution is so peaked that its curvature, for a Gaussian's, would be that of a camera
+        which is level to a fifth of ``start.level_sigma_deg``.
+        """
+        return replace(self, time_offset=time_offset, mean_roll=self.mean_roll * np.sqrt(2.0) / _LEVEL_SHARE)
 
     def until(self, node: int) -> "FusionNodes":
         """Return the nodes up to one, with what ties them to each other but nothing on the last itself."""

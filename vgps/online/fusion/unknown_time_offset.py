@@ -54,7 +54,7 @@ def unknown_time_offset(
         nodes, state, prior: The fit.
         config: Prior of the time offset.
     """
-    unsure = replace(nodes, time_offset=any_time_offset(config))
+    unsure = nodes.for_sigmas(any_time_offset(config))
     scale = np.exp(state.values[nodes.fixes.node, SCALE])
     bent = normal_equations(replace(unsure, fixes=nodes.fixes.with_bends(scale)), state, prior)
     covariance, preferred = bent.last_covariance(), state.moved(bent.step()).values[-1]
