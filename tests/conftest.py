@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 Verb = Callable[..., tuple[int, str, str]]
 
+if "PYTEST_XDIST_WORKER" in os.environ:  # a worker for each core: more threads would wait for each other
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 settings.register_profile("vgps", deadline=None)  # a loaded machine is no failure
 settings.load_profile("vgps")
 
