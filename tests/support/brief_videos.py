@@ -1,4 +1,4 @@
-"""The beginning of a recording, where the whole would show no more."""
+"""Fewer frames of a recording, where all of them would show no more."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,6 +19,25 @@ class _Beginning(DerivedVideo):
 
     def frames(self) -> Iterator[Frame]:
         return islice(self.video.frames(), self.count)
+
+
+@dataclass(frozen=True)
+class _Thinned(DerivedVideo):
+    every: int
+
+    @property
+    def times_s(self) -> FloatArray:
+        return self.video.times_s[:: self.every]
+
+    def frames(self) -> Iterator[Frame]:
+        for frame in self.video.frames():
+            if frame.index % self.every == 0:
+                yield replace(frame, index=frame.index // self.every)
+
+
+def thinned(recording: vgps.Recording, every: int) -> vgps.Recording:
+    """Return a recording whose video shows the first of every so many frames, at its time."""
+    return replace(recording, video=_Thinned(recording.video, every))
 
 
 def first_frames(recording: vgps.Recording, count: int) -> vgps.Recording:
