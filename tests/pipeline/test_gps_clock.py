@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from brief_videos import first_frames
 
 import vgps
 from vgps.config import Config, SensorsConfig, TrackingConfig
@@ -27,17 +28,23 @@ def mean_error(data_dir, solution):
     return evaluate(solution, read_trajectory(data_dir / "kitti07/truth.tum")).camera_position_m.mean
 
 
-def smoothed(data_dir, log, shift_s):
-    """Return kitti07 with time stamps that are later than they should be, and its mean error."""
-    recording = vgps.open_recording(data_dir / "kitti07", gps=log)
+def smoothed(data_dir, log, shift_s, frames):
+    """Return so much of kitti07 with time stamps that are later than they should be, and its mean error."""
+    recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps=log), frames)
     recording = replace(recording, gps=replace(recording.gps, t_s=recording.gps.t_s + shift_s))
     solution = vgps.smooth(recording, FEWER_FEATURES)
     return solution, mean_error(data_dir, solution)
 
 
+@pytest.fixture(scope="module")
+def front_end(brief):
+    """That of a short walk."""
+    return run_front_end(vgps.open_recording(brief), Config(), NoProgress())
+
+
 def test_a_wrong_clock_is_found_where_the_fixes_bend_the_path_to_it(data_dir):
     """Stage C of these finds none, and the poses were 1.7 m off: the car brakes, turns, speeds up."""
-    solution, error_m = smoothed(data_dir, "gps_float.nmea", 0.4)
+    solution, error_m = smoothed(data_dir, "gps_float.nmea", 0.4, 160)
     assert abs(solution.sensors.time_offset_s - 0.4) < 3.0 * solution.sensors.time_offset_sigma_s < 0.1
     assert error_m < 0.25
     speed_m_s = np.linalg.norm(np.diff(solution.world_T_camera[:, :3, 3], axis=0), axis=1) / np.diff(
@@ -63,7 +70,7 @@ def test_a_clock_that_must_not_be_estimated_is_left_alone(recording):
 
 
 def test_a_clock_that_is_wrong_by_seconds_is_found_and_the_run_begins_again(data_dir):
-    solution, error_m = smoothed(data_dir, "gps_fix.nmea", 3.1)
+    solution, error_m = smoothed(data_dir, "gps_fix.nmea", 3.1, 100)
     assert abs(solution.sensors.time_offset_s - 3.1) < 0.1
     assert error_m < 0.3
     assert sum("the run began again" in warning for warning in solution.warnings) == 1
@@ -78,16 +85,15 @@ def test_where_the_torn_path_shows_nothing_one_without_fixes_does(data_dir, monk
         return found[-1]
 
     monkeypatch.setattr(gps_clock, "search_time_offset", hidden_at_first)
-    solution, error_m = smoothed(data_dir, "gps_fix.nmea", -5.0)
+    solution, error_m = smoothed(data_dir, "gps_fix.nmea", -5.0, 100)
     assert found[0] is None and found[1:] == [pytest.approx(-5.0, abs=0.3)] * 2  # by its shape, then again
     assert abs(solution.sensors.time_offset_s + 5.0) < 0.1 and error_m < 0.3
 
 
-def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeypatch):
-    opened, shown = vgps.open_recording(recording), iter([4.0, None])
+def test_an_offset_that_the_new_path_does_not_show_is_dropped(front_end, monkeypatch):
+    shown, again = iter([4.0, None]), []
     monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: next(shown))
     monkeypatch.setattr(gps_clock, "is_mirrored", lambda *_: True)
-    front_end, again = run_front_end(opened, Config(), NoProgress()), []
     monkeypatch.setattr(gps_clock, "run_front_end", lambda *given: again.append(given) or front_end)
     found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
     ((_, settings, _),) = again
@@ -100,6 +106,20 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeyp
     assert "its picture is mirrored" in gps_clock.with_gps_clock(front_end, Config()).warnings[0]
 
 
+@pytest.fixture(scope="module")
+def run_once():
+    """Stages A to C, run once for all tests of the same settings."""
+    made = {}
+
+    def run(recording, config, progress):
+        settings = config.model_dump_json()
+        if settings not in made:
+            made[settings] = run_front_end(recording, config, progress)
+        return made[settings]
+
+    return run
+
+
 @pytest.mark.parametrize(
     ("remaining", "sigmas", "is_kept"),
     [
@@ -109,20 +129,20 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(recording, monkeyp
         (0.001, (0.02, 0.02), False),  # as on an orbit at constant speed, which any rate suits
     ],
 )
-def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch, remaining, sigmas, is_kept):
-    opened, shown = vgps.open_recording(recording), zip((0.02, remaining), sigmas, strict=True)
+def test_a_rate_that_the_video_shows_begins_the_run_again(
+    front_end, run_once, monkeypatch, remaining, sigmas, is_kept
+):
+    shown, again = zip((0.02, remaining), sigmas, strict=True), []
 
     def search(*_, **__):
         rate, sigma = next(shown)
         return ShownClock(GpsClock(0.1, rate), 0.01, sigma, True)
 
-    monkeypatch.setattr(gps_clock, "search_clock_rate", search)
-    front_end, again = run_front_end(opened, Config(), NoProgress()), []
-
     def run_again(*given):
         again.append(given)
-        return replace(run_front_end(*given), clock=None)
+        return replace(run_once(*given), clock=None)
 
+    monkeypatch.setattr(gps_clock, "search_clock_rate", search)
     monkeypatch.setattr(gps_clock, "run_front_end", run_again)
     found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
     ((noted, settings, _),) = again
@@ -139,9 +159,10 @@ def test_a_rate_that_the_video_shows_begins_the_run_again(recording, monkeypatch
 def test_fixes_of_a_known_rate_are_where_the_camera_was(data_dir):
     """The stamps of kitti07 with a clock that is 5 % fast."""
     recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
-    clock = GpsClock(0.0, 0.05)
+    recording, clock = first_frames(recording, 100), GpsClock(0.0, 0.05)
     fast = replace(recording, gps=replace(recording.gps, t_s=clock.time_stamps(recording.gps.t_s)))
-    solution = vgps.smooth(fast, Config(sensors=SensorsConfig(clock_rate=0.05)))
+    config = FEWER_FEATURES.model_copy(update={"sensors": SensorsConfig(clock_rate=0.05)})
+    solution = vgps.smooth(fast, config)
     assert solution.sensors.clock_rate == 0.05 and mean_error(data_dir, solution) < 0.05
     np.testing.assert_allclose(solution.fix_times_s, recording.gps.t_s, atol=1e-9)
 
@@ -163,9 +184,9 @@ def test_fixes_are_during_the_video_by_the_configured_time_offset(recording):
     assert len(fixes) == len(opened.gps.t_s)
 
 
-def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(recording, monkeypatch):
+def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(brief, monkeypatch):
     """Else a drone that rises first, with positions 5 s older than their stamps, loses its map."""
-    opened, asked = vgps.open_recording(recording), []
+    opened, asked = vgps.open_recording(brief), []
     late = replace(opened, gps=replace(opened.gps, t_s=opened.gps.t_s + 5.0))
     config = Config(sensors=SensorsConfig(time_offset_s=5.0, estimate_time_offset="no"))
     monkeypatch.setattr(
