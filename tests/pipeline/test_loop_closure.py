@@ -10,7 +10,7 @@ from block_laps import block_laps
 from textured_room import CAMERA, room_recording
 
 import vgps
-from vgps.config import Config, LoopsConfig
+from vgps.config import Config, LoopsConfig, TrackingConfig
 from vgps.errors import GeometryError
 from vgps.model import Frame
 from vgps.pipeline import loop_closure, offline
@@ -98,8 +98,9 @@ def test_a_second_lap_is_tied_to_the_first(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(
         offline, "optimise_all", lambda found, *rest: front_ends.append(found) or optimise_all(found, *rest)
     )
-    tied = vgps.smooth(recording)
-    alone = optimise_all(front_ends[0], Config(loops=LoopsConfig(close="no")))
+    config = Config(tracking=TrackingConfig(max_features=150))
+    tied = vgps.smooth(recording, config)
+    alone = optimise_all(front_ends[0], config.model_copy(update={"loops": LoopsConfig(close="no")}))
     assert len(alone.loops) == 0 and len(tied.loops) > 3
     lap = round(4 * 24.0 / 0.8)
     assert np.abs(tied.loops[:, 0] - tied.loops[:, 1] - lap).max() < 12  # no wrong one
