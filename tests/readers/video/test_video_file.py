@@ -144,7 +144,7 @@ def test_real_videos_have_their_frames_at_their_times(data_dir: Path, folder, co
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("folder", ["kitti03", "kitti03_shake", "gopro_walk", "phone_gyro"])
+@pytest.mark.parametrize("folder", ["kitti07", "kitti03_shake", "gopro_walk", "phone_gyro"])
 def test_every_real_frame_has_its_time(data_dir: Path, folder):
     video = VideoFile(data_dir / folder / "video.mp4")
     count = 0
