@@ -96,9 +96,11 @@ def test_a_missing_folder_is_refused(tmp_path: Path) -> None:
 def test_a_damaged_file_is_an_error_or_harmless(
     solution: Solution, tmp_path: Path, name: str, data: st.DataObject
 ) -> None:
-    write_run(solution, tmp_path / "run")
+    if not (tmp_path / "run").exists():
+        write_run(solution, tmp_path / "run")
     file = tmp_path / "run" / name
-    content = bytearray(file.read_bytes())
+    whole = file.read_bytes()
+    content = bytearray(whole)
     where = data.draw(st.integers(0, len(content) - 1))
     if data.draw(st.booleans()):
         content = content[:where]
@@ -110,6 +112,8 @@ def test_a_damaged_file_is_an_error_or_harmless(
     except RunFolderError as error:
         assert str(tmp_path / "run") in str(error)
         assert "\n" not in str(error)
+    finally:
+        file.write_bytes(whole)
 
 
 def test_arrays_that_do_not_fit_are_refused(solution: Solution, tmp_path: Path) -> None:
