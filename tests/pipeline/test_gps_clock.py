@@ -65,7 +65,7 @@ def test_a_clock_that_is_right_is_left_alone(data_dir, kitti07_fixed):
 def test_a_clock_that_must_not_be_estimated_is_left_alone(recording):
     opened = vgps.open_recording(recording)
     late = replace(opened, gps=replace(opened.gps, t_s=opened.gps.t_s + 0.4))
-    held = Config(sensors=SensorsConfig(estimate_time_offset="no"))
+    held = FEWER_FEATURES.model_copy(update={"sensors": SensorsConfig(estimate_time_offset="no")})
     assert vgps.smooth(late, held).sensors.time_offset_s == 0.0  # "yes" finds the 0.4 s
 
 
