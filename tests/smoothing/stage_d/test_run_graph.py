@@ -232,16 +232,17 @@ def test_a_video_alone_keeps_its_held_frames():
 
 
 @pytest.mark.slow
-def test_a_refined_camera_is_that_of_the_graph(recording):
+def test_a_refined_camera_is_that_of_the_graph(brief):
     config = Config(intrinsics=IntrinsicsConfig(refine="yes"))
-    solution = vgps.smooth(vgps.open_recording(recording), config)
-    assert solution.camera.fx != vgps.open_recording(recording).camera.fx
+    solution = vgps.smooth(vgps.open_recording(brief), config)
+    assert solution.camera.fx != vgps.open_recording(brief).camera.fx
     check_minimum(solution, *vgps.factor_graph(solution))
 
 
 @pytest.mark.slow
 def test_the_fast_engine_ends_at_gtsams_minimum_on_a_real_drive(data_dir):
-    solution = vgps.smooth(vgps.open_recording(data_dir / "kitti07", gps="gps_ublox.nmea"))
+    drive = vgps.open_recording(data_dir / "kitti07", gps="gps_ublox.nmea")
+    solution = vgps.smooth(first_frames(drive, 60))
     graph, values = vgps.factor_graph(solution)
     assert "o" in kinds(values)
     check_gradient(graph, values)
@@ -252,7 +253,12 @@ def test_the_fast_engine_ends_at_gtsams_minimum_on_a_real_drive(data_dir):
 def test_gtsam_ends_at_the_fast_engines_minimum_on_a_real_drive_with_an_imu(data_dir):
     drive = vgps.open_recording(data_dir / "kitti07", gps="gps_float.nmea", rig="rig_imu.yaml")
     drive = first_frames(drive, 50)
-    graph, values = vgps.factor_graph(vgps.smooth(drive, Config(batch=BatchConfig(solver="gtsam"))))
+    config = Config(
+        batch=BatchConfig(solver="gtsam"),
+        sensors=SensorsConfig(estimate_time_offset="no"),  # each trial of another one is a solution by GTSAM
+        intrinsics=IntrinsicsConfig(refine="no"),
+    )
+    graph, values = vgps.factor_graph(vgps.smooth(drive, config))
     assert kinds(values) >= {"x", "l", "o", "v", "b"}
     check_gradient(graph, values)
     end = optimise_graph(graph, values, SolverSettings(relative_tolerance=1e-9))
