@@ -35,7 +35,8 @@ def test_the_user_has_no_more_than_the_case_says(recording, tmp_path, lacks):
 def test_a_case_is_simulated_and_smoothed_without_what_the_user_lacks(
     data_dir, tmp_path, monkeypatch, capsys
 ):
-    small = replace(SCENES["demo"], speed=((0.0, 1.2), (6.0, 1.2)), width=320, height=240, texture_scale=0.25)
+    small = replace(SCENES["demo"], fps=10, speed=((0.0, 1.2), (4.0, 1.2)), width=320, height=240)
+    small = replace(small, texture_scale=0.25)
     lacks = frozenset({"lever arm", "sigmas", "some fixes"})
     case = random_scenes.Case("demo", small, "survey_fix", 0.2, lacks, 0.4)
     monkeypatch.setattr(random_scenes, "draw", lambda _: case)
@@ -44,7 +45,7 @@ def test_a_case_is_simulated_and_smoothed_without_what_the_user_lacks(
     monkeypatch.setattr("sys.argv", line)
     random_scenes.main()
     (row,) = read_results(out)["rows"]
-    assert row["lacks"] == "lever arm, sigmas, some fixes" and row["scene"].startswith("demo, 6 s")
+    assert row["lacks"] == "lever arm, sigmas, some fixes" and row["scene"].startswith("demo, 4 s")
     assert 0.0 < row["fixes_mean_m"] < 0.1 < row["mean_m"] < 2.0  # the lever arm is 0.44 m
     assert row["max_m"] >= row["mean_m"] and 0.0 < row["nees"] < 10.0
     assert "| 0 | demo" in capsys.readouterr().out
