@@ -25,7 +25,7 @@ def short_tracks(problem: BundleProblem, frames: int) -> BundleProblem:
 
 CASES = {
     "long": lambda: (drive(frames=160, landmarks=900)[0], 52),
-    "huber": lambda: (with_loss(drive(frames=160, landmarks=900, outliers=0.05)[0], "huber"), 52),
+    "huber": lambda: (with_loss(drive(160, 900, outliers=0.02, disturbed=0.3)[0], "huber"), 52),
     "states and shared vectors": lambda: (short_tracks(drive_with_states(), 5), 16),
     "loops": lambda: (two_laps(), 36),
     "gap": lambda: (short_tracks(interrupted_tracks(), 4), 12),

@@ -63,12 +63,12 @@ def test_changes_over_several_seconds_are_distributed_as_simulated():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise_m", "walk_m", "tail", "vertical"),
-    [(0.002, 0.02, 1.0, 2.0), (0.02, 0.01, 2.5, 1.5), (0.01, 0.1, 8.0, 1.0), (0.005, 0.002, 4.0, 3.0)],
+    [(0.002, 0.02, 1.0, 2.0), (0.01, 0.1, 8.0, 1.0), (0.005, 0.002, 4.0, 3.0)],
 )
 def test_constants_are_recovered(noise_m, walk_m, tail, vertical):
-    """Within 25 % (tail: 40 %) in the median of five seeds of 1,500 epochs, each within 1.8 times."""
+    """Within 25 % (tail: 40 %) in the median of three seeds of 1,500 epochs, each within 1.8 times."""
     true = Memory(noise_m=noise_m, walk_m=walk_m, tail=tail, vertical=vertical)
-    found = [fitted(simulated(true, 1500, seed)) for seed in range(5)]
+    found = [fitted(simulated(true, 1500, seed)) for seed in range(3)]
     # noise far below the walk shows in no change: only that it is small is found
     names = ["walk_m", "tail", "vertical", *(["noise_m"] if noise_m > 0.2 * walk_m else [])]
     for name in names:

@@ -69,7 +69,7 @@ def test_observations_in_the_middle_row_show_no_readout() -> None:
 @pytest.mark.slow
 def test_the_sigma_holds() -> None:
     errors = []
-    for seed in range(12):
+    for seed in range(8):
         found = estimate_readout(optimum(rolling_drive(seed=seed)[0]), T_S, CAMERA, NO_SIGMA)
         errors.append((found.readout_s - 0.06) / found.sigma_s)
     assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.6
