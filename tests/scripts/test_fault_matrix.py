@@ -162,9 +162,11 @@ def test_the_picture_has_a_dot_for_each_model_and_fault():
 
 @pytest.mark.slow
 def test_a_fault_on_a_recording_is_run_under_every_model(tmp_path):
-    simulate(tmp_path / "walk", replace(BRIEF, gps=GpsConfig(interval_s=0.2, fix_share=0.5)), seed=3)
+    scene = replace(BRIEF, fps=10, gps=GpsConfig(interval_s=0.2, fix_share=0.5))
+    simulate(tmp_path / "walk", scene, seed=3)
+    config = vgps.Config.model_validate({"intrinsics": {"refine": "no"}})
     recording, truth = vgps.open_recording(tmp_path / "walk"), tmp_path / "walk" / "truth.tum"
-    row = run_fault(FAULT["outliers-20"], recording, truth, vgps.Config(), NoProgress())
+    row = run_fault(FAULT["outliers-20"], recording, truth, config, NoProgress())
     assert list(row) == [method.name for method in MODELS]
     assert all(cell.mean_m < 0.1 for cell in row.values())
     assert [(cell.caught, cell.wrong, cell.rejected) for cell in row.values()][:4] == [(3, 3, 0)] * 4
