@@ -1,5 +1,7 @@
 """A local map as tracking leaves it, made from the synthetic drive, and fixes on its true path."""
 
+from functools import cache
+
 import numpy as np
 from synthetic_bundle import ANTENNA, K, drive
 from synthetic_fixes import fixes_of_size
@@ -47,8 +49,9 @@ def map_of(problem, first, last, history=60, aligned=True):
     return made
 
 
+@cache
 def scene(frames=60, disturbed=0.3, seed=0):
-    """Problem, its true poses, frame times, and a fix every four frames between two of them."""
+    """Problem, its true poses, frame times, and a fix every four frames between two of them; read-only."""
     problem, poses = drive(frames, 700, seed=seed, disturbed=disturbed)
     antenna = poses[:, :3, 3] + poses[:, :3, :3] @ ANTENNA
     row = np.arange(0, frames - 1, 4)
@@ -61,6 +64,9 @@ def scene(frames=60, disturbed=0.3, seed=0):
         np.full(n, 0.1),
         correlation_s=np.full(n, 10.0),
     )
+    for array in (poses, t_s, *vars(problem).values(), *vars(fixes).values()):
+        if isinstance(array, np.ndarray):
+            array.setflags(write=False)
     return problem, poses, t_s, fixes
 
 

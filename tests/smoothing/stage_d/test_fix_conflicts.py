@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from brief_videos import first_frames
 from synthetic_bundle import ANTENNA
 from synthetic_map import away, context, map_of, scene
 
@@ -193,13 +194,14 @@ def test_coarse_fixes_are_not_compared():
 
 @pytest.mark.slow
 def test_wrong_integers_on_a_real_drive_no_longer_bend_its_path(data_dir: Path, kitti07_fixed) -> None:
-    """Of 16 RTK-fixes six are 0.54 m off; before, the path followed them without a word."""
-    recording = vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea")
+    """Of 12 RTK-fixes four are 0.54 m off; without the check the path follows them by 0.2 m."""
+    recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 120)
     fault = next(one for one in FAULTS if one.name == "wrong-integers")
     faulty = fault.into(recording, np.random.default_rng(0))
-    found = vgps.smooth(faulty.recording)
+    few = {"intrinsics": {"refine": "no"}, "tracking": {"max_features": 250}}
+    found = vgps.smooth(faulty.recording, Config.model_validate(few))
     assert any("RTK-fixes contradict each other" in text for text in found.warnings)
     assert not any("RTK-fixes contradict each other" in text for text in kitti07_fixed.warnings)
-    wrong = np.array([verdict is not Verdict.USED for verdict in found.fixes.verdict])
+    wrong = np.isin(found.fixes.verdict, [Verdict.DOWN_CLASSED, Verdict.REJECTED])
     assert wrong[faulty.wrong].all() and np.sum(wrong & ~faulty.wrong) <= 1
-    assert away(found.world_T_camera, kitti07_fixed.world_T_camera) < 0.05
+    assert away(found.world_T_camera, kitti07_fixed.world_T_camera[:120]) < 0.08
