@@ -12,16 +12,16 @@ from vgps.model import FixClass
 
 
 @pytest.mark.slow
-def test_each_log_has_a_row(recording, tmp_path, monkeypatch, capsys):
+def test_each_log_has_a_row(brief, tmp_path, monkeypatch, capsys):
     found = tmp_path / "live.json"
-    words = [str(recording), "--logs", "gps.nmea", "--json", str(found)]
+    words = [str(brief), "--logs", "gps.nmea", "--json", str(found)]
     monkeypatch.setattr(sys, "argv", ["live", *words])
     live.main()
     (row,) = json.loads(found.read_text(encoding="utf-8"))["rows"]
-    assert row["log"] == f"{recording.name} gps" and row["seed"] == 0
+    assert row["log"] == f"{brief.name} gps" and row["seed"] == 0
     assert 0.0 < row["mean_m"] < row["max_m"] < 0.5 and row["fixes_mean_m"] < 0.1
     assert row["pose_p50_ms"] <= row["pose_p99_ms"] and row["offline_mean_m"] is None
-    assert capsys.readouterr().out.splitlines()[-1].startswith(f"| {recording.name} gps | 0 | ")
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"| {brief.name} gps | 0 | ")
 
 
 def recorded(classes):
