@@ -1,7 +1,7 @@
 import gtsam
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.stats import multivariate_t
@@ -51,6 +51,7 @@ def assert_same_linearisation(factor, other, values):
         np.testing.assert_allclose(mine, reference, rtol=1e-12, atol=1e-12)
 
 
+@settings(max_examples=40)
 @given(st.sampled_from(PENALTIES), twists, arrays(np.float64, 3, elements=st.floats(-5, 5)))
 def test_jacobian_at_a_frame(check_jacobians, penalty, twist, offset):
     values = values_of(pose(twist))
@@ -59,6 +60,7 @@ def test_jacobian_at_a_frame(check_jacobians, penalty, twist, offset):
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(st.sampled_from(PENALTIES), twists, twists, alphas, arrays(np.float64, 3, elements=st.floats(-5, 5)))
 def test_jacobians_between_frames(check_jacobians, penalty, twist, motion, alpha, offset):
     values = values_of(pose(twist), pose(twist).compose(pose(motion)))
@@ -156,6 +158,7 @@ def with_sensors(values, time_offset_s, antenna=ANTENNA):
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(
     st.sampled_from(PENALTIES),
     twists,
@@ -191,6 +194,7 @@ def test_frames_out_of_order_are_refused():
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(
     st.sampled_from(PENALTIES), twists, twists, alphas, arrays(np.float64, (2, 3), elements=st.floats(-5, 5))
 )

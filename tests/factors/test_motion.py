@@ -1,7 +1,7 @@
 import gtsam
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -21,6 +21,7 @@ def values_of(a, b, c):
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(twists, twists, twists, times, times)
 def test_jacobians(check_jacobians, start, ab, bc, dt_ab_s, dt_bc_s):
     a = gtsam.Pose3.Expmap(start)
@@ -82,6 +83,7 @@ def test_intervals_and_densities_are_positive(numbers):
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(twists, twists, twists, st.floats(0.02, 2), st.floats(0.02, 2))
 def test_jacobians_of_constant_centre_velocity(check_jacobians, a, b, c, dt_ab_s, dt_bc_s):
     values = values_of(*(gtsam.Pose3.Expmap(twist) for twist in (a, b, c)))

@@ -69,8 +69,9 @@ def test_other_cameras_look_outwards_from_a_ring(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_imu_comes_with_its_mounting(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "imu"
-    for _ in range(2):  # the second replaces the first
-        simulate(out, replace(TINY, accelerometer=AccelerometerConfig()), seed=3)
+    for seconds in (0.2, 2.0):  # the second replaces the first
+        scene = replace(TINY, speed=((0.0, 1.2), (seconds, 1.2)), accelerometer=AccelerometerConfig())
+        simulate(out, scene, seed=3)
     recording, without = open_recording(out), open_recording(folder)
     assert recording.imu is not None and recording.rig.imu is not None and without.gyro is not None
     np.testing.assert_allclose(recording.imu.rate_rad_s, without.gyro.rate_rad_s, rtol=0.05, atol=0.02)
@@ -226,7 +227,7 @@ def test_an_existing_file_and_an_unknown_scene_are_refused(tmp_path: Path) -> No
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(SCENES))
 def test_every_scene_renders_textured_frames(name: str) -> None:
-    config: SceneConfig = replace(SCENES[name], texture_scale=0.5)
+    config: SceneConfig = replace(SCENES[name], texture_scale=0.5, max_samples=4)
     from vgps.simulate import Renderer, build_motion, build_world
 
     renderer = Renderer(
