@@ -60,7 +60,7 @@ def test_without_fixes_there_is_nothing_to_doubt():
 def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: Path, kitti07_fixed) -> None:
     recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 100)
     rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + np.array([-1.0, 0.0, 0.0]))
-    settings = Config.model_validate({"loops": {"close": "no"}, "tracking": {"max_features": 250}})
+    settings = Config.model_validate({"loops": {"close": "no"}})
     (text,) = doubts(vgps.smooth(replace(recording, rig=rig), settings).warnings)
     assert "m right" in text and "camera_p_antenna in rig.yaml" in text
     assert doubts(kitti07_fixed.warnings) == []
