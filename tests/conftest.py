@@ -100,6 +100,12 @@ def smoothed_walk(smoothed: Path) -> "Solution":
 
 
 @pytest.fixture(scope="session")
+def smoothed_brief(brief: Path, shared_folder: SharedFolder) -> Path:
+    """The run folder of the brief recording, made by the command as vgps is configured by default."""
+    return shared_folder("brief_run", lambda out: smooth_by_command(brief, out))
+
+
+@pytest.fixture(scope="session")
 def kitti07_fixed(data_dir: Path, shared_run: SharedRun) -> "Solution":
     """The run of the real drive kitti07 with its RTK-fixes."""
     import vgps

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_runs import smooth_by_command
 from threadpoolctl import threadpool_limits
 
 from vgps.pipeline.join_folders import join_folders
@@ -20,11 +19,6 @@ def test_a_mistake_is_one_line(vgps_verb, tmp_path: Path) -> None:
         code, out, err = vgps_verb(*words)
         assert (code, out) == (2, "") and err.startswith("vgps: ") and err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.fixture(scope="module")
-def brief_run(brief: Path, shared_folder) -> Path:
-    return shared_folder("brief_run", lambda out: smooth_by_command(brief, out))
 
 
 @pytest.mark.slow
@@ -42,17 +36,17 @@ def test_a_run_joined_with_itself_keeps_its_poses(vgps_verb, smoothed: Path, tmp
 
 @pytest.mark.slow
 def test_an_interrupted_join_goes_on_from_the_places_and_a_worker_gives_the_same(
-    vgps_verb, brief_run: Path, tmp_path: Path, monkeypatch
+    vgps_verb, smoothed_brief: Path, tmp_path: Path, monkeypatch
 ) -> None:
     pytest.importorskip("distributed")
-    shutil.copytree(brief_run, tmp_path / "again")
-    runs = ["join", brief_run, tmp_path / "again", "--out"]
+    shutil.copytree(smoothed_brief, tmp_path / "again")
+    runs = ["join", smoothed_brief, tmp_path / "again", "--out"]
     with threadpool_limits(limits=2, user_api="blas"):  # as for a user; a worker has one
         assert vgps_verb(*runs, tmp_path / "whole")[0] == 0
     with monkeypatch.context() as patched:  # ends while it writes, after the places are found
         patched.setattr("vgps.pipeline.join_folders.write_joined", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            join_folders([brief_run, tmp_path / "again"], tmp_path / "out")
+            join_folders([smoothed_brief, tmp_path / "again"], tmp_path / "out")
     assert not (tmp_path / "out").exists() and (tmp_path / ".out.resume/places.npz").is_file()
     with monkeypatch.context() as patched:
         patched.setattr("vgps.pipeline.join.find_loops", interrupted)  # not searched again
