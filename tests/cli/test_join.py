@@ -22,40 +22,33 @@ def test_a_mistake_is_one_line(vgps_verb, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_joined_with_itself_keeps_its_poses(vgps_verb, smoothed: Path, tmp_path: Path) -> None:
-    shutil.copytree(smoothed, tmp_path / "again")
-    code, out, err = vgps_verb("join", smoothed, tmp_path / "again", "--out", tmp_path / "out")
-    assert code == 0, err
-    assert "frames of again see places of run" in out and "frames of 2 runs in one world" in out
-    assert (tmp_path / "out/points.ply").is_file()
-    before = read_trajectory(smoothed / "poses.tum").world_T_camera
-    for name in ("run", "again"):
-        after = read_trajectory(tmp_path / "out" / name / "poses.tum").world_T_camera
-        np.testing.assert_allclose(after, before, atol=2e-3)  # metres, and radians
-
-
-@pytest.mark.slow
 def test_an_interrupted_join_goes_on_from_the_places_and_a_worker_gives_the_same(
     vgps_verb, smoothed_brief: Path, tmp_path: Path, monkeypatch
 ) -> None:
+    """A run that is joined with itself keeps its poses."""
     pytest.importorskip("distributed")
     shutil.copytree(smoothed_brief, tmp_path / "again")
     runs = ["join", smoothed_brief, tmp_path / "again", "--out"]
     with threadpool_limits(limits=2, user_api="blas"):  # as for a user; a worker has one
-        assert vgps_verb(*runs, tmp_path / "whole")[0] == 0
-    with monkeypatch.context() as patched:  # ends while it writes, after the places are found
-        patched.setattr("vgps.pipeline.join_folders.write_joined", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            join_folders([smoothed_brief, tmp_path / "again"], tmp_path / "out")
-    assert not (tmp_path / "out").exists() and (tmp_path / ".out.resume/places.npz").is_file()
-    with monkeypatch.context() as patched:
-        patched.setattr("vgps.pipeline.join.find_loops", interrupted)  # not searched again
-        assert vgps_verb(*runs, tmp_path / "out", "--resume")[0] == 0
-    assert vgps_verb(*runs, tmp_path / "there", "--scheduler", "local")[0] == 0
+        with monkeypatch.context() as patched:  # ends while it writes, after the places are found
+            patched.setattr("vgps.pipeline.join_folders.write_joined", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                join_folders([smoothed_brief, tmp_path / "again"], tmp_path / "out")
+        assert not (tmp_path / "out").exists() and (tmp_path / ".out.resume/places.npz").is_file()
+        with monkeypatch.context() as patched:
+            patched.setattr("vgps.pipeline.join.find_loops", interrupted)  # not searched again
+            code, out, err = vgps_verb(*runs, tmp_path / "out", "--resume")
+    assert code == 0, err
+    assert f"frames of again see places of {smoothed_brief.name}" in out
+    assert "frames of 2 runs in one world" in out
+    assert vgps_verb(*runs, tmp_path / "whole", "--scheduler", "local")[0] == 0
     for name in ("again/poses.tum", "again/poses.csv", "points.ply"):
-        whole = (tmp_path / "whole" / name).read_bytes()
-        assert (tmp_path / "out" / name).read_bytes() == whole == (tmp_path / "there" / name).read_bytes()
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     assert not list(tmp_path.glob(".*.resume"))
+    before = read_trajectory(smoothed_brief / "poses.tum").world_T_camera
+    for name in (smoothed_brief.name, "again"):
+        after = read_trajectory(tmp_path / "out" / name / "poses.tum").world_T_camera
+        np.testing.assert_allclose(after, before, atol=2e-3)  # metres, and radians
 
 
 def interrupted(*_args, **_options):
