@@ -61,6 +61,7 @@ plt.rcParams.update({"figure.dpi": 90, "axes.grid": True, "grid.alpha": 0.3, "fo
 
 # %%
 SWING_DEG, PEAK_DEG_S = 40.0, 120.0
+SURVEY_S, FAST_S = 4.0, 2.0
 slow = replace(
     SCENES["spin"],
     width=300,
@@ -68,14 +69,14 @@ slow = replace(
     focal_px=260.0,
     bends=(),
     texture_scale=0.5,
-    speed=((0.0, 1.5), (4.0, 1.5)),
+    speed=((0.0, 1.5), (SURVEY_S, 1.5)),
     spin_deg_s=30.0,
     spin_period_s=np.pi * SWING_DEG / 30.0,
     gps=GpsConfig(fix_share=0.5, interval_s=0.5),
 )
 fast = replace(
     slow,
-    speed=((0.0, 1.5), (2.0, 1.5)),
+    speed=((0.0, 1.5), (FAST_S, 1.5)),
     spin_deg_s=PEAK_DEG_S,
     spin_period_s=np.pi * SWING_DEG / PEAK_DEG_S,
 )
@@ -189,9 +190,9 @@ errors.legend(fontsize=7)
 plt.show()
 
 # %%
-median = [
-    np.median([one[2][k].correlation for one in map(compared, range(len(frames)))], axis=1) for k in (0, 1)
-]
+median = np.array(
+    [[np.median(match.correlation) for match in matches] for *_, matches in map(compared, range(len(frames)))]
+).T
 figure, axis = plt.subplots(figsize=(5.5, 3.2), layout="constrained")
 for values, name in zip(median, ("templates as stored", "re-blurred"), strict=True):
     axis.plot(rate_deg_s, values, ".", label=name)

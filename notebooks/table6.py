@@ -74,6 +74,7 @@ COLOURS = dict(
 # and only B, which trusts all fixes equally, is far off.
 
 # %%
+WALK_S = 12.0
 scene = replace(
     SCENES["demo"],
     width=320,
@@ -81,7 +82,7 @@ scene = replace(
     focal_px=260.0,
     texture_scale=0.5,
     fps=10,
-    speed=((0.0, 1.2), (12.0, 1.2)),
+    speed=((0.0, 1.2), (WALK_S, 1.2)),
     bends=((3.0, 4.0, 50.0),),
     gps=replace(SCENES["demo"].gps, fix_share=0.2),
 )
