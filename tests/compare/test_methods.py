@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from shared_runs import written_by_command
 
 import vgps
 from scripts.common.drives import VideoSection
@@ -19,9 +20,9 @@ CHOSEN = [METHODS[1], METHODS[4]]
 
 
 @pytest.fixture(scope="module")
-def comparison(recording):
-    opened = vgps.open_recording(recording)
-    return compare(opened, recording / "truth.tum", Config(), NoProgress(), CHOSEN)
+def comparison(brief):
+    opened = vgps.open_recording(brief)
+    return compare(opened, brief / "truth.tum", Config(), NoProgress(), CHOSEN)
 
 
 def test_methods_are_those_of_the_thesis_and_a_robust_one():
@@ -43,11 +44,12 @@ def test_a_method_is_configured_by_both_its_models():
 
 
 @pytest.mark.slow
-def test_every_method_poses_every_frame_and_only_the_model_differs(comparison, smoothed_walk):
+def test_every_method_poses_every_frame_and_only_the_model_differs(comparison, smoothed_brief):
     assert list(comparison.evaluations) == [method.name for method in CHOSEN]
     assert all(one.every_frame_posed for one in comparison.evaluations.values())
     assert comparison.evaluations["cylinder (16)"].camera_position_m.mean < 0.1
-    np.testing.assert_array_equal(comparison.paths["cylinder (16)"], smoothed_walk.world_T_camera[:, :3, 3])
+    smoothed = written_by_command(smoothed_brief)
+    np.testing.assert_array_equal(comparison.paths["cylinder (16)"], smoothed.world_T_camera[:, :3, 3])
 
 
 def test_all_methods_share_a_clock_that_is_wrong_by_seconds(recording, monkeypatch):
@@ -80,12 +82,12 @@ def test_the_method_without_gps_begins_at_the_true_poses(recording):
 
 
 @pytest.mark.slow
-def test_a_truth_with_another_origin_is_an_error(recording, tmp_path):
-    (tmp_path / "truth.tum").write_bytes((recording / "truth.tum").read_bytes())
-    rig = yaml.safe_load((recording / "rig.yaml").read_text())
-    origin = read_rig(recording / "rig.yaml").world_origin
+def test_a_truth_with_another_origin_is_an_error(brief, tmp_path):
+    (tmp_path / "truth.tum").write_bytes((brief / "truth.tum").read_bytes())
+    rig = yaml.safe_load((brief / "rig.yaml").read_text())
+    origin = read_rig(brief / "rig.yaml").world_origin
     rig["world_origin"] = [origin.latitude_deg, origin.longitude_deg, origin.height_m + 5.0]
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
-    opened = vgps.open_recording(recording)
+    opened = vgps.open_recording(brief)
     with pytest.raises(TrajectoryError, match="world_origin"):
         compare(opened, tmp_path / "truth.tum", Config(), NoProgress(), [Method("cylinder", "cylinder")])
