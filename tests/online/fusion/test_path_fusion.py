@@ -20,10 +20,10 @@ def cut(path, first, last):
     return VideoPath(t_s=path.t_s[first:last], poses=path.poses[first:last], moving=path.moving[first:last])
 
 
-def live(drive, path, fixes, config=CONFIG, horizon=2000):
-    """Fits after every tenth frame, each from the one before, with errors (n, 3) of the newest position."""
+def live(drive, path, fixes, config=CONFIG, horizon=2000, every=10):
+    """Fits after every so many frames, each from the one before, and errors (n, 3) of the newest position."""
     fits, errors = [], []
-    for last in range(25, len(path.t_s) + 1, 10):
+    for last in range(25, len(path.t_s) + 1, every):
         part = cut(path, max(0, last - horizon), last)
         fits.append(fuse(part, fixes, ANTENNA, config, fits[-1] if fits else None))
         errors.append(fits[-1].world_T_camera(part)[-1, :3, 3] - drive.true[last - 1, :3, 3])
@@ -215,7 +215,7 @@ def simulated_nees(seed):
     fixes = drive.fixes(
         kinds, floating * (offset + noisy * own.noise_m * noise) + (1.0 - floating) * 0.005 * noise
     )
-    fits, errors = live(drive, drive.seen(rng), fixes)
+    fits, errors = live(drive, drive.seen(rng), fixes, every=25)
     covariance = fits[-1].covariance[:3, :3]
     return errors[-1] @ np.linalg.solve(covariance, errors[-1])
 
