@@ -95,8 +95,9 @@ def test_a_file_gives_every_frame_at_its_time(recording):
 
 
 @pytest.mark.slow
-def test_a_camera_that_is_restarted_goes_on_with_later_times(stream):
-    server = TcpServer(paced(stream.read_bytes(), 6.0, 90))
+def test_a_camera_that_is_restarted_goes_on_with_later_times(brief, tmp_path):
+    stream = mpeg_ts(brief / "video.mp4", tmp_path / "video.ts")
+    server = TcpServer(paced(stream.read_bytes(), 3.0, 45))
     source = VideoSource(f"tcp://127.0.0.1:{server.port}")
     frames, notes, at = [], [], []
 

@@ -168,7 +168,8 @@ def test_without_fixes_the_result_is_not_georeferenced(opened, images):
 
 
 @pytest.mark.slow
-def test_with_everything_kept_stage_d_gives_what_smooth_gives(opened):
+def test_with_everything_kept_stage_d_gives_what_smooth_gives(brief):
+    opened = vgps.open_recording(brief)
     config = vgps.Config(intrinsics={"tolerance_sigmas": 0.05})  # from either start, close to the same
     smoother, _ = fed(opened, keep_all=True, config=config)
     online, offline = smoother.finish(stage_d=True), vgps.smooth(opened, config)
