@@ -21,7 +21,6 @@ def test_the_camera_of_a_video_is_written(brief, uncalibrated, tmp_path, vgps_ve
     code, out, _ = vgps_verb("calibrate-camera", uncalibrated, "--out", tmp_path / "camera.yaml")
     assert code == 0 and out.endswith(f"wrote {tmp_path / 'camera.yaml'}\n")
     found, true = read_camera(tmp_path / "camera.yaml"), read_camera(brief / "camera.yaml")
-    print('FX', found.fx/true.fx)
     assert found.fx == pytest.approx(true.fx, rel=0.02)
 
 

@@ -50,12 +50,12 @@ def test_ce90_in_the_report_is_that_of_the_truth(recording, tmp_path, vgps_verb)
 
 
 @pytest.mark.slow
-def test_control_points_hold_the_run_as_well_as_they_are_known(recording, tmp_path, vgps_verb):
+def test_control_points_hold_the_run_as_well_as_they_are_known(brief, tmp_path, vgps_verb):
     """Without GPS, marks known to 1 cm give place and scale; check points say how well."""
     walk = tmp_path / "walk"
-    shutil.copytree(recording, walk)
+    shutil.copytree(brief, walk)
     (walk / "gps.nmea").unlink()
-    write_marks(recording, walk / "control_points.csv", count=40, control=20, sigma_m=0.01)
+    write_marks(brief, walk / "control_points.csv", count=40, control=20, sigma_m=0.01)
     code, printed, error = vgps_verb("smooth", walk, "--out", tmp_path / "run")
     assert code == 0, error
     horizontal = float(re.search(r"\d+ of 20 check points: RMSE horizontal ([\d.]+)", printed)[1])
