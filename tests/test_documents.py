@@ -1,4 +1,4 @@
-"""The documents are true: code runs, links lead somewhere, README and CI give the same test command."""
+"""The documents are true: names exist, links lead somewhere, README and CI give the same test command."""
 
 import ast
 import importlib
@@ -12,7 +12,6 @@ import pytest
 
 import vgps
 from vgps.cli.app import app
-from vgps.readers.trajectory import read_trajectory
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -36,19 +35,6 @@ def blocks(text: str, language: str) -> list[str]:
 
 def test_readme_fits_its_length() -> None:
     assert len(README.splitlines()) <= 150
-
-
-@pytest.mark.slow
-def test_readme_example_runs(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "walk").symlink_to(recording, target_is_directory=True)
-    monkeypatch.chdir(tmp_path)
-    (example,) = blocks(README, "python")
-    exec(compile(example, "README.md", "exec"), {})
-    shape, reason = capsys.readouterr().out.splitlines()
-    poses = read_trajectory(tmp_path / "run/poses.tum").world_T_camera
-    assert shape == str(poses.shape) and reason.startswith("used: ")
 
 
 def test_readme_and_ci_give_the_same_test_command() -> None:
