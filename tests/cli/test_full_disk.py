@@ -58,6 +58,6 @@ def test_a_full_disk_leaves_nothing_half_written(smoothed, brief, tmp_path, vgps
 
 def test_a_process_on_a_full_disk_leaves_nothing_half_written(smoothed, tmp_path):
     out = tmp_path / "out" / "made"
-    words = [sys.executable, "-B", "-m", "vgps", *VERBS["report"].format(run=smoothed, out=out).split()]
+    words = [sys.executable, "-B", "-m", "vgps", *VERBS["export"].format(run=smoothed, out=out).split()]
     done = subprocess.run(words, capture_output=True, text=True, check=False, preexec_fn=full)
     check(done.returncode, done.stderr, out)

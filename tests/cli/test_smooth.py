@@ -106,9 +106,9 @@ def test_nothing_else_is_overwritten(recording, tmp_path, vgps_verb):
 
 
 @pytest.mark.slow
-def test_two_fixes_give_poses_and_a_warning(recording, tmp_path, vgps_verb):
+def test_two_fixes_give_poses_and_a_warning(brief, tmp_path, vgps_verb):
     folder = tmp_path / "few"
-    shutil.copytree(recording, folder)
+    shutil.copytree(brief, folder)
     broken(folder, "gps.nmea", lambda b: b"\n".join(b.splitlines()[:6]))
     code, out, err = vgps_verb("smooth", folder, "--out", tmp_path / "run")
     assert code == 0, err

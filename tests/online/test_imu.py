@@ -69,9 +69,9 @@ def test_two_dark_seconds_of_a_drive_are_bridged(data_dir):
 
 
 @pytest.mark.slow
-def test_an_imu_without_its_mounting_is_an_event_and_a_warning(recording, tmp_path):
+def test_an_imu_without_its_mounting_is_an_event_and_a_warning(brief, tmp_path):
     folder = tmp_path / "walk"
-    shutil.copytree(recording, folder)
+    shutil.copytree(brief, folder)
     (folder / "imu.csv").write_text("t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2\n")
     lines = io.StringIO()
     pose_recording(folder, OnlineOptions(config=vgps.Config()), stream=lines)
