@@ -10,7 +10,8 @@ from vgps.evaluation import evaluate
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, GpsConfig, simulate
 
-WIDTH, HEIGHT = 360, 240
+WIDTH, HEIGHT = 240, 160
+FEWER_FEATURES = vgps.Config.model_validate({"tracking": {"max_features": 200}})
 CORNER_PX = float(np.hypot(WIDTH, HEIGHT)) / 2
 
 
@@ -36,10 +37,10 @@ def mean_error_m(solution: vgps.Solution, folder: Path) -> float:
 
 @pytest.mark.slow
 def test_a_wide_lens_that_nobody_calibrated_is_as_good_as_a_narrow_one(tmp_path: Path) -> None:
-    """With 80 degrees and its calibration the walk has a mean error of 0.022 m: 1.3 times as much will do."""
+    """With 80 degrees and its calibration the walk has a mean error of 0.023 m: 1.3 times as much will do."""
     wide = filmed(tmp_path / "150", 150.0)
     (wide / "camera.yaml").unlink()
-    found = vgps.smooth(vgps.open_recording(wide))
+    found = vgps.smooth(vgps.open_recording(wide), FEWER_FEATURES)
     assert found.camera.model == "fisheye"
     half, corner = np.degrees(
         angles("fisheye", parameters_of(found.camera), np.array([0.5, 1.0]) * CORNER_PX)
