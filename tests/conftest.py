@@ -88,6 +88,14 @@ def brief(shared_folder: SharedFolder) -> Path:
 
 
 @pytest.fixture(scope="session")
+def shaken(shared_folder: SharedFolder) -> Path:
+    """Return a recording whose shutter rolls."""
+    from recordings import shaken_recording
+
+    return shared_folder("shaken", shaken_recording)
+
+
+@pytest.fixture(scope="session")
 def smoothed(recording: Path, shared_folder: SharedFolder) -> Path:
     """The run folder of the small recording, made by the command as vgps is configured by default."""
     return shared_folder("run", lambda out: smooth_by_command(recording, out))

@@ -21,6 +21,7 @@ BRIEF: SceneConfig = replace(
     bends=((1.0, 2.0, 50.0),),
     gps=GpsConfig(fix_share=0.5, interval_s=0.5),
 )
+SHAKEN: SceneConfig = replace(SMALL, fps=30, hand_shake=1.0, readout_s=0.03, speed=((0.0, 1.5), (2.2, 1.5)))
 
 
 def small_recording(folder: Path) -> Path:
@@ -32,4 +33,10 @@ def small_recording(folder: Path) -> Path:
 def brief_recording(folder: Path) -> Path:
     """Three seconds of it with a fix every half second, for tests of what is done with a run."""
     simulate(folder, BRIEF, seed=3)
+    return folder
+
+
+def shaken_recording(folder: Path) -> Path:
+    """Two seconds through the rolling shutter of a camera in an unsteady hand."""
+    simulate(folder, SHAKEN, seed=3)
     return folder
