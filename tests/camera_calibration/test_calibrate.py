@@ -49,8 +49,8 @@ def fits_are_kept(monkeypatch):
 
 @pytest.fixture
 def pairs(pairs):
-    """Pairs with two thirds of the features: fits of three guesses take long."""
-    return partial(pairs, features=60)
+    """Fewer pairs with two thirds of the features: fits of three guesses take long."""
+    return partial(pairs, count=6, features=60)
 
 
 def ray_angles(camera):
