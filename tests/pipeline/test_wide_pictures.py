@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 WALK = replace(
     SCENES["demo"],
     speed=((0.0, 1.2), (3.0, 1.2)),
-    fps=10,
+    fps=7,
     width=252,
     height=168,
     focal_px=150.0,  # 80 degrees, at the scale of the others
