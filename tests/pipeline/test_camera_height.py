@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from brief_videos import first_frames
 from textured_room import CONFIG, path, room_recording
 
 import vgps
 from scripts.common.scenes import half_size, shortened
-from vgps.config import CameraHeightConfig, Config
+from vgps.config import CameraHeightConfig, Config, TrackingConfig
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, simulate
 
@@ -20,9 +21,9 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    """Return 11 s of a street, about 80 m, with GPS."""
+    """Return 8 s of a street, about 60 m, with GPS."""
     folder = tmp_path_factory.mktemp("height") / "drive"
-    simulate(folder, half_size(shortened(SCENES["drive"], 11.0)))
+    simulate(folder, half_size(shortened(SCENES["drive"], 8.0)))
     return folder
 
 
@@ -36,7 +37,9 @@ def test_a_drive_without_gps_has_the_metre_of_the_camera_height(drive, tmp_path,
     alone.mkdir()
     for name in ("video.mp4", "camera.yaml"):
         shutil.copy(drive / name, alone)
-    (alone / "height.yaml").write_text(f"camera_height: {{m: {HEIGHT_M}, sigma_m: 0.02}}\n")
+    (alone / "height.yaml").write_text(
+        f"camera_height: {{m: {HEIGHT_M}, sigma_m: 0.02}}\ntracking: {{max_features: 200}}\n"
+    )
     words = ["smooth", alone, "--config", alone / "height.yaml", "--out", tmp_path / "run"]
     code, printed, error = vgps_verb(*words)
     assert code == 0, error
@@ -53,8 +56,10 @@ def test_a_drive_without_gps_has_the_metre_of_the_camera_height(drive, tmp_path,
 
 
 def test_a_height_that_the_fixes_contradict_is_the_first_warning(drive):
-    config = Config(camera_height=CameraHeightConfig(m=2.2, sigma_m=0.05))
-    solution = vgps.smooth(vgps.open_recording(drive), config)
+    config = Config(
+        camera_height=CameraHeightConfig(m=2.2, sigma_m=0.05), tracking=TrackingConfig(max_features=200)
+    )
+    solution = vgps.smooth(first_frames(vgps.open_recording(drive), 60), config)
     assert "camera_height contradicts the fixes" in solution.warnings[0]
     assert solution.sensors.camera_height["m"] < 2.05
 
