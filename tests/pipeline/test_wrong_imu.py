@@ -51,9 +51,8 @@ def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(opened, righ
     found = vgps.smooth(late, FEWER_FEATURES)
     clock = [text for text in found.warnings if "imu.csv was shifted by -0.0" in text]
     assert clock and not any("left out" in text for text in found.warnings)
-    assert (
-        np.linalg.norm(found.world_T_camera[:, :3, 3] - right.world_T_camera[:, :3, 3], axis=1).mean() < 0.02
-    )
+    off = np.linalg.norm(found.world_T_camera[:, :3, 3] - right.world_T_camera[:, :3, 3], axis=1)
+    assert off.mean() < 0.005  # 0.007 if stages A to C do not run again
     assert found.sensors.imu != {}
 
 
