@@ -20,7 +20,7 @@ from vgps.simulate import SCENES, AccelerometerConfig, simulate
 def test_mounting_and_biases_of_a_hand_held_imu_are_found(tmp_path, vgps_verb):
     walk = replace(
         SCENES["demo"],
-        speed=((0.0, 1.2), (6.0, 1.2)),
+        speed=((0.0, 1.2), (8.0, 1.2)),
         width=320,
         height=214,
         focal_px=276.0,
@@ -43,7 +43,7 @@ def test_mounting_and_biases_of_a_hand_held_imu_are_found(tmp_path, vgps_verb):
     np.testing.assert_array_equal(found.imu.imu_p_camera, true.imu.imu_p_camera)
     written = yaml.safe_load(out.read_text(encoding="utf-8"))
     biases = np.loadtxt(folder / "imu_biases.csv", delimiter=",", skiprows=1)
-    middle = biases[np.abs(biases[:, 0] - 3.0).argmin()]
+    middle = biases[np.abs(biases[:, 0] - 4.0).argmin()]
     gyro_sigma = np.array(written["imu_gyro_bias_sigma_rad_s"])
     force_sigma = np.array(written["imu_accelerometer_bias_sigma_m_s2"])
     assert gyro_sigma.max() < 0.002 and force_sigma.max() < 0.15
