@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from textured_room import CONFIG, path, room_recording
 
 import vgps
 from scripts.common.scenes import half_size, shortened
-from vgps.config import CameraHeightConfig, Config, TrackingConfig
+from vgps.config import CameraHeightConfig
 from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, simulate
 
@@ -56,9 +57,7 @@ def test_a_drive_without_gps_has_the_metre_of_the_camera_height(drive, tmp_path,
 
 
 def test_a_height_that_the_fixes_contradict_is_the_first_warning(drive):
-    config = Config(
-        camera_height=CameraHeightConfig(m=2.2, sigma_m=0.05), tracking=TrackingConfig(max_features=200)
-    )
+    config = fewer_features(200, camera_height={"m": 2.2, "sigma_m": 0.05})
     solution = vgps.smooth(first_frames(vgps.open_recording(drive), 60), config)
     assert "camera_height contradicts the fixes" in solution.warnings[0]
     assert solution.sensors.camera_height["m"] < 2.05

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from gopro_runs import check_length
 from solutions import exact_run
 from textured_room import path, room_gps_log, room_recording
 
 import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
-from vgps.config import CameraCalibrationConfig, TrackingConfig
+from vgps.config import CameraCalibrationConfig
 from vgps.evaluation import evaluate
 from vgps.model import CameraGuess
 from vgps.pipeline import offline
@@ -25,9 +26,7 @@ from vgps.runtime.progress import NoProgress
 from vgps.runtime.timing import sequential_seconds
 from vgps.writers.run_folder import write_run
 
-FEWER = vgps.Config(
-    tracking=TrackingConfig(max_features=200), camera_calibration=CameraCalibrationConfig(max_pairs=12)
-)
+FEWER = fewer_features(200, camera_calibration={"max_pairs": 12})
 
 
 def without_camera(folder: Path, out: Path) -> Path:

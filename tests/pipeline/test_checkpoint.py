@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fewer_features import fewer_features
 from run_files import bytes_of
 
 import vgps
-from vgps.config import TrackingConfig
 from vgps.errors import RunFolderError
 from vgps.pipeline import checkpoint as module
 from vgps.pipeline.checkpoint import Checkpoint, checkpoint_folder, fingerprint
@@ -19,7 +19,7 @@ from vgps.runtime.progress import NoProgress
 from vgps.smoothing.stage_d import long_steps
 
 pytestmark = pytest.mark.slow
-CONFIG = vgps.Config(tracking=TrackingConfig(max_features=150))  # half the time
+CONFIG = fewer_features(150)
 
 
 class Stops(NoProgress):

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 
 import vgps
-from vgps.config import Config, SensorsConfig, TrackingConfig
+from vgps.config import Config, SensorsConfig
 from vgps.errors import GpsLogError
 from vgps.evaluation import evaluate
 from vgps.gps.clock_rate import ShownClock
@@ -20,7 +21,7 @@ from vgps.solution import GpsClock
 
 pytestmark = pytest.mark.slow
 # than by default: half the time, and the mean error on kitti07 is the same 0.015 m
-FEWER_FEATURES = Config(tracking=TrackingConfig(max_features=150))
+FEWER_FEATURES = fewer_features(150)
 SAID = "older than their time stamps"
 
 

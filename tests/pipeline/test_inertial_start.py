@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 
 import vgps
-from vgps.config import Config, TrackingConfig
 from vgps.imu.agreement import Agreement
 from vgps.mapping.map_update import MapUpdate
 from vgps.pipeline.front_end import run_front_end
@@ -15,7 +15,7 @@ from vgps.pipeline.inertial_start import with_inertial_start
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
 
-CONFIG = Config(tracking=TrackingConfig(max_features=150))  # half the time
+CONFIG = fewer_features(150)
 
 
 @pytest.fixture(scope="module")

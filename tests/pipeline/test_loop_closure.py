@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from block_laps import block_laps
+from fewer_features import fewer_features
 from textured_room import CAMERA, room_recording
 
 import vgps
-from vgps.config import Config, LoopsConfig, TrackingConfig
+from vgps.config import Config, LoopsConfig
 from vgps.errors import GeometryError
 from vgps.model import Frame
 from vgps.pipeline import loop_closure, offline
@@ -98,7 +99,7 @@ def test_a_second_lap_is_tied_to_the_first(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(
         offline, "optimise_all", lambda found, *rest: front_ends.append(found) or optimise_all(found, *rest)
     )
-    config = Config(tracking=TrackingConfig(max_features=150))
+    config = fewer_features(150)
     tied = vgps.smooth(recording, config)
     alone = optimise_all(front_ends[0], config.model_copy(update={"loops": LoopsConfig(close="no")}))
     assert len(alone.loops) == 0 and len(tied.loops) > 3

@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from textured_room import CAMERA, CONFIG, path, room_control_points, room_gps_log, room_recording
 
 import vgps
 from scripts.common.scenes import half_size, shortened
-from vgps.config import Config, IntrinsicsConfig, TrackingConfig, WindowConfig
+from vgps.config import IntrinsicsConfig, WindowConfig
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_geodetic
 from vgps.model import FixClass
@@ -20,7 +21,7 @@ from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, simulate
 from vgps.solution import FrameState, Verdict
 
-FEWER_FEATURES = Config(tracking=TrackingConfig(max_features=150))  # half the time
+FEWER_FEATURES = fewer_features(150)
 
 
 def truth_of(recording: Path):
@@ -258,7 +259,7 @@ def test_outliers_on_kitti03_are_all_found_and_no_others(data_dir):
     wrong = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
     rejected = np.flatnonzero([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
     assert rejected.tolist() == [row for row in wrong if solution.fix_times_s[row] < solution.t_s[-1]]
-    # twice what it is on the machines measured so far, whose linear algebra rounds differently
+    # twice what it is with either of two seeds
     assert errors(solution, folder).camera_horizontal_m.mean < 0.8
     assert np.isfinite(solution.world_T_camera).all() and len(solution.t_s) == frames
     sigma_s = np.nan_to_num(solution.sensors.time_offset_sigma_s)  # NaN if it is not estimated

@@ -7,16 +7,17 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from solutions import short_drive
 
 import vgps
-from vgps.config import RollingShutterConfig, TrackingConfig
+from vgps.config import RollingShutterConfig
 from vgps.pipeline import readout_estimation
 from vgps.pipeline.readout_estimation import with_readout
 from vgps.smoothing.calibration.readout import Readout
 from vgps.writers.run_folder import write_run
 
-FEWER_FEATURES = vgps.Config(tracking=TrackingConfig(max_features=200))
+FEWER_FEATURES = fewer_features(200)
 
 
 def smoothed(recording: vgps.Recording, **settings: str) -> vgps.Solution:

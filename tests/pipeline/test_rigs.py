@@ -6,6 +6,7 @@ from pathlib import Path
 import gtsam
 import numpy as np
 import pytest
+from fewer_features import fewer_features
 
 import vgps
 from scripts.benchmarks.rigs import Darkened
@@ -25,8 +26,8 @@ SCENE = replace(
     texture_scale=0.5,
     cameras=2,
 )
-FEWER_FEATURES = {"tracking": {"max_features": 200}}
-NO_GPS = vgps.Config.model_validate({"gps": {"model": "none"}} | FEWER_FEATURES)
+FEWER_FEATURES = fewer_features(200)
+NO_GPS = fewer_features(200, gps={"model": "none"})
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("rig") / "run"
-    vgps.write_run(vgps.smooth(vgps.open_recording(rig), vgps.Config.model_validate(FEWER_FEATURES)), out)
+    vgps.write_run(vgps.smooth(vgps.open_recording(rig), FEWER_FEATURES), out)
     return out
 
 
@@ -84,7 +85,7 @@ def test_a_camera_measured_a_degree_off_is_put_right(rig: Path) -> None:
     tilted[:3, :3] = tilted[:3, :3] @ [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
     sigma = np.repeat([np.radians(1.0), 0.01], 3)
     off = replace(recording.cameras[0], reference_T_camera=tilted, sigma=sigma)
-    solution = vgps.smooth(replace(recording, cameras=(off,)), vgps.Config.model_validate(FEWER_FEATURES))
+    solution = vgps.smooth(replace(recording, cameras=(off,)), FEWER_FEATURES)
     found = solution.cameras[0].reference_T_camera[:3, :3]
     true = recording.cameras[0].reference_T_camera[:3, :3]
     assert np.degrees(np.arccos((np.trace(found.T @ true) - 1.0) / 2.0)) < 0.2

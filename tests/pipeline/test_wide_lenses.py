@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fewer_features import fewer_features
 
 import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
@@ -11,7 +12,6 @@ from vgps.readers.trajectory import read_trajectory
 from vgps.simulate import SCENES, GpsConfig, simulate
 
 WIDTH, HEIGHT = 240, 160
-FEWER_FEATURES = vgps.Config.model_validate({"tracking": {"max_features": 200}})
 CORNER_PX = float(np.hypot(WIDTH, HEIGHT)) / 2
 
 
@@ -40,7 +40,7 @@ def test_a_wide_lens_that_nobody_calibrated_is_as_good_as_a_narrow_one(tmp_path:
     """With 80 degrees and its calibration the walk has a mean error of 0.023 m: 1.3 times as much will do."""
     wide = filmed(tmp_path / "150", 150.0)
     (wide / "camera.yaml").unlink()
-    found = vgps.smooth(vgps.open_recording(wide), FEWER_FEATURES)
+    found = vgps.smooth(vgps.open_recording(wide), fewer_features(200))
     assert found.camera.model == "fisheye"
     half, corner = np.degrees(
         angles("fisheye", parameters_of(found.camera), np.array([0.5, 1.0]) * CORNER_PX)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fewer_features import fewer_features
 from PIL import Image
 
 import vgps
@@ -26,8 +27,8 @@ WALK = replace(
 )
 SPHERE = replace(WALK, width=940, height=470, panorama_deg=360.0)
 CIRCLE = replace(WALK, width=510, height=510, panorama_deg=195.0)
-FEWER_FEATURES = {"tracking": {"max_features": 200}}
-NO_GPS = vgps.Config.model_validate({"gps": {"model": "none"}} | FEWER_FEATURES)
+FEWER_FEATURES = fewer_features(200)
+NO_GPS = fewer_features(200, gps={"model": "none"})
 
 
 def drift_m(folder: Path) -> float:
@@ -64,7 +65,7 @@ def test_a_wide_picture_drifts_less_than_a_pinhole(request, pinhole_drift_m, wal
 
 
 def test_a_sphere_with_fixes_gives_poses_pictures_and_views(sphere, tmp_path):
-    solution = vgps.smooth(vgps.open_recording(sphere), vgps.Config.model_validate(FEWER_FEATURES))
+    solution = vgps.smooth(vgps.open_recording(sphere), FEWER_FEATURES)
     vgps.write_run(solution, tmp_path / "run")
     run, truth = read_run(tmp_path / "run"), read_trajectory(sphere / "truth.tum")
     error = evaluate(run, truth)

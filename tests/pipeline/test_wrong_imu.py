@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from scipy.spatial.transform import Rotation
 
 import vgps
 
-FEWER_FEATURES = vgps.Config.model_validate({"tracking": {"max_features": 200}})
+FEWER_FEATURES = fewer_features(200)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from synthetic_bundle import ANTENNA
 from synthetic_map import away, context, map_of, scene
 
@@ -198,8 +199,7 @@ def test_wrong_integers_on_a_real_drive_no_longer_bend_its_path(data_dir: Path, 
     recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 120)
     fault = next(one for one in FAULTS if one.name == "wrong-integers")
     faulty = fault.into(recording, np.random.default_rng(0))
-    few = {"intrinsics": {"refine": "no"}, "tracking": {"max_features": 250}}
-    found = vgps.smooth(faulty.recording, Config.model_validate(few))
+    found = vgps.smooth(faulty.recording, fewer_features(250, intrinsics={"refine": "no"}))
     assert any("RTK-fixes contradict each other" in text for text in found.warnings)
     assert not any("RTK-fixes contradict each other" in text for text in kitti07_fixed.warnings)
     wrong = np.isin(found.fixes.verdict, [Verdict.DOWN_CLASSED, Verdict.REJECTED])
