@@ -118,10 +118,10 @@ class FusionNodes:
     mean_roll: float
 
     def for_sigmas(self, time_offset: TimeOffset) -> "FusionNodes":
-        """Return the nodes with a prior of the time offset, and with a mean roll as unsure as it is.
+        """Return the nodes with another prior of the time offset, for normal equations that give covariances.
 
-        Cauchy's distribution is so peaked that its curvature, for a Gaussian's, would be that of a camera
-        which is level to a fifth of ``start.level_sigma_deg``.
+        The curvature of Cauchy's density at its peak is that of a Gaussian of a fifth of
+        ``start.level_sigma_deg``, as if the camera were surely that level. Here it is that of the whole.
         """
         return replace(self, time_offset=time_offset, mean_roll=self.mean_roll * np.sqrt(2.0) / _LEVEL_SHARE)
 
