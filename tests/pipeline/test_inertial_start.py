@@ -9,7 +9,7 @@ from fewer_features import fewer_features
 
 import vgps
 from vgps.imu.agreement import Agreement
-from vgps.mapping.map_update import MapUpdate
+from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.pipeline.front_end import run_front_end
 from vgps.pipeline.inertial_start import with_inertial_start
 from vgps.readers.trajectory import read_trajectory
@@ -25,12 +25,14 @@ def front_end(data_dir):
 
 
 def shrunk(local_map):
-    """A map whose steps get shorter from frame to frame."""
+    """A map whose steps get shorter from frame to frame, and whose points are near its beginning."""
     lost = local_map.snapshot()
     poses = lost.poses.copy()
     steps = np.diff(poses[:, :3, 3], axis=0) * 0.95 ** np.arange(len(poses) - 1)[:, None]
     poses[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(steps, axis=0)
-    lost.apply(MapUpdate(first_frame=lost.first_frame, poses=poses))
+    near = poses[0, :3, 3] + 0.2 * (lost.points - poses[0, :3, 3])
+    positions = Positions(np.arange(len(near)), near, lost.sigma_px)
+    lost.apply(MapUpdate(first_frame=lost.first_frame, poses=poses, positions=positions))
     return lost
 
 
