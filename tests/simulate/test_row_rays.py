@@ -6,6 +6,7 @@ import pytest
 from rendered_boards import CONFIG, FRONT, WEST, board_and_corners, moving, plain, project
 
 from vgps.simulate import SCENES, Builder, Renderer, build_motion, build_world
+from vgps.simulate.faces import texture_maps
 
 READOUT_S = 0.06
 
@@ -59,3 +60,16 @@ def test_moving_things_lean() -> None:
     dark = 1 - (picture[[5, 234]] / picture[5, 0]) ** 2  # linear light
     top, bottom = (dark * np.arange(CONFIG.width)).sum(axis=1) / dark.sum(axis=1)
     assert bottom - top == pytest.approx(300 * 4.0 / 6.0 * READOUT_S * 229 / 239, abs=0.1)
+
+
+def test_a_board_seen_from_its_own_plane_is_no_more_than_a_line() -> None:
+    """The middle row is filmed from that plane, the rows above and below it from a centimetre off."""
+    config, builder = replace(CONFIG, readout_s=READOUT_S), Builder()
+    builder.flat(np.array([4.0, 0.0, 0.0]), 0.0, 4.0, 2.0, builder.image(plain((0, 0, 0))))
+    world, rising = builder.world(), moving((0, 0, 0.5, 0, 0, 0))
+    assert np.all(
+        np.isfinite(texture_maps(world, np.array([0]), np.eye(3), rising.poses(np.zeros(1))[0], 0.0))
+    )
+    picture = Renderer(world, rising, config).frame(0)
+    rows = np.flatnonzero(picture.min(axis=(1, 2)) < 50)
+    assert np.all(np.abs(rows - config.height // 2) <= 4)

@@ -9,6 +9,8 @@ from vgps.simulate.canvas import Canvas
 from vgps.simulate.polygons import NEAR_M, Plane, Polygon, clipped
 from vgps.simulate.world import World
 
+_BESIDE_M = 1e-6
+
 
 @dataclass(frozen=True)
 class Faces:
@@ -55,6 +57,11 @@ def texture_maps(
 ) -> FloatArray:
     """Return maps (n, 3, 3) of parallelograms from pixels (u, v, 1) to texture (a, b, 1) / depth."""
     origin, u, v = _in_camera(world, rows, world_T_camera, t_s)
+    normal = np.cross(u, v)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # from within its own plane a parallelogram has no map, and is the line that it is from just beside it
+    within = np.abs(np.einsum("ni,ni->n", origin, normal)) < _BESIDE_M
+    origin += _BESIDE_M * within[:, None] * normal
     texture_h_px: FloatArray = np.linalg.inv(K @ np.stack([u, v, origin], axis=-1)).astype(np.float64)
     repeat = world.repeat[rows, None]
     texture_h_px[:, 0] *= repeat

@@ -13,6 +13,7 @@ _Float = npt.NDArray[np.float32]
 
 _LAID_TEXELS = 1024
 _SHARPNESS = 0.7  # texels per sample, relative to pixels: samples are half a pixel apart
+_HORIZON = 1e-12  # inverse depth in the place of zero: the coarsest level
 
 
 class Ripmap:
@@ -70,7 +71,7 @@ class Ripmap:
     def density(self, H: FloatArray, u: float, v: float) -> tuple[float, float, tuple[float, float]]:
         """Return texture coordinates at a pixel, and texels per pixel along both texture axes."""
         (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = H.tolist()
-        c = c0 * u + c1 * v + c2
+        c = c0 * u + c1 * v + c2 or _HORIZON
         a, b = (a0 * u + a1 * v + a2) / c, (b0 * u + b1 * v + b2) / c
         along_u = math.hypot(a0 - a * c0, a1 - a * c1) / abs(c)
         along_v = math.hypot(b0 - b * c0, b1 - b * c1) / abs(c)
