@@ -127,6 +127,7 @@ def test_tsai_with_a_negative_coefficient_is_not_inverted_beyond_its_turn():
     assert np.isnan(distort(camera, [[320 + 1.1 * widest, 240]])).all()
 
 
+@pytest.mark.slow
 @given(st.floats(0, 0.02), st.floats(0, 5e-4), st.floats(0, 720), st.floats(0, 480))
 def test_tsai_inverts_exactly(k1, k2, u, v):
     camera = replace(TSAI, distortion=(k1, k2), pixel_mm=(0.0067, 0.0075))

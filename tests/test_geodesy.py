@@ -22,6 +22,7 @@ def ecef_by_hand(lat: float, lon: float, h: float) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 @given(latitudes, longitudes, offsets)
 def test_enu_comes_back_from_geodetic_anywhere(lat, lon, enu):
     origin = GeodeticPoint(lat, lon, 100.0)
@@ -30,6 +31,7 @@ def test_enu_comes_back_from_geodetic_anywhere(lat, lon, enu):
     np.testing.assert_allclose(to_enu(origin, *place), enu, atol=1e-5)
 
 
+@pytest.mark.slow
 @given(latitudes, longitudes, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-100, 5000))
 def test_enu_is_the_ecef_difference_rotated_at_the_origin(lat, lon, dlat, dlon, h):
     origin = GeodeticPoint(lat, lon, 50.0)

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 import factors
 import vgps
 
@@ -75,6 +77,7 @@ def test_version_is_that_of_the_installed_package() -> None:
     assert vgps.__version__ == declared
 
 
+@pytest.mark.slow
 def test_imports_go_down() -> None:
     # in a separate process: import-linter disables loggers that other tests capture
     code = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_cache=True))"
@@ -97,6 +100,7 @@ def test_only_crs_imports_pyproj() -> None:
     assert rooms_that_use("pyproj") == {"vgps.crs"}
 
 
+@pytest.mark.slow
 def test_only_tracking_localization_and_places_match_images() -> None:
     matching = {"vgps.tracking", "vgps.localization", "vgps.places"}
     assert rooms_that_use(*(f"cv2.{name}" for name in MATCHING)) == matching

@@ -48,6 +48,7 @@ def test_a_camera_that_never_turns_does_not_show_its_focal_length(pairs):
     assert sigma > 5 * other
 
 
+@pytest.mark.slow
 def test_the_geometry_of_pairs_is_found_without_a_start(pairs):
     seen = pairs(WIDE, noise_px=0.0)
     prior = LensPrior("fisheye", parameters_of(WIDE), SIGMA)

@@ -2,7 +2,10 @@
 
 import json
 
+import pytest
 
+
+@pytest.mark.slow
 def test_errors_are_printed_as_json_and_as_a_table(smoothed, recording, vgps_verb):
     truth = recording / "truth.tum"
     code, out, _ = vgps_verb("evaluate", smoothed, "--truth", truth, "--json")

@@ -35,6 +35,7 @@ def test_a_run_with_its_video(vgps_verb, solution, recording, tmp_path):
     assert len(found.rows("/world/camera/image/video", "VideoFrameReference:timestamp")) == 6
 
 
+@pytest.mark.slow
 def test_a_recording_that_no_longer_exists_is_noted(vgps_verb, solution, tmp_path):
     write_run(replace(solution, recording=tmp_path / "gone"), tmp_path / "run")
     code, out, _ = vgps_verb("inspect", tmp_path / "run", "--save", tmp_path / "run.rrd")

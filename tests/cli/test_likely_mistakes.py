@@ -86,6 +86,7 @@ def test_the_readme_has_every_mistake():
     assert [mistake for mistake, _, _ in ROWS] == list(MISTAKES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mistake", "command", "message"), ROWS, ids=[row[0] for row in ROWS])
 def test_a_mistake_is_told_in_one_line(
     mistake, command, message, recording, tmp_path, monkeypatch, vgps_verb
@@ -99,6 +100,7 @@ def test_a_mistake_is_told_in_one_line(
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_decimal_commas_between_semicolons_are_no_mistake(recording, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(recording, "walk")

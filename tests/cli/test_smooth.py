@@ -9,6 +9,7 @@ from solutions import short_drive
 from vgps.cli.smooth import print_summary
 
 
+@pytest.mark.slow
 def test_smooth_writes_a_complete_run(smoothed):
     names = {
         "poses.tum",

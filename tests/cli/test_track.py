@@ -55,6 +55,7 @@ def test_track_writes_a_run(recording, database, tmp_path, vgps_verb):
     assert np.linalg.norm(poses.world_T_camera[:, :3, 3] - true[:, :3, 3], axis=1).max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_missing_gyro_is_reported(recording, database, tmp_path, vgps_verb):
     (recording / "gyro.csv").unlink()
     words = ("track", recording, "--landmarks", database, "--out", tmp_path / "run", "--estimator", "frame")
@@ -91,6 +92,7 @@ def test_an_imu_without_its_mounting_is_left_out_with_a_warning(recording, datab
     assert "note: imu.csv is left out: rig.yaml has no imu_R_camera" in said and "no gyro" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("config", "said"),
     [

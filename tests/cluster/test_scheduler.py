@@ -21,6 +21,7 @@ def test_without_the_extra_the_message_names_it(monkeypatch, tmp_path):
         list(smooth_all(jobs_of([tmp_path], tmp_path), "local"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense://here"])
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch, tmp_path, address):
     monkeypatch.setattr(scheduler, "_CONNECT_S", 0.2)

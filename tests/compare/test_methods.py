@@ -73,6 +73,7 @@ def test_a_drones_camera_flies_by_every_method_as_in_a_run(recording, monkeypatc
     assert all(settings.start.flies for *_, settings in front_ends(drone, Config(), NoProgress(), METHODS))
 
 
+@pytest.mark.slow
 def test_the_method_without_gps_begins_at_the_true_poses(recording):
     opened = vgps.open_recording(recording)
     section = replace(opened, video=VideoSection(opened.video, 0, 59))

@@ -60,6 +60,7 @@ def test_the_code_reads_every_setting():
     assert unused == []
 
 
+@pytest.mark.slow
 def test_the_printed_defaults_are_the_defaults(tmp_path, caplog):
     file = tmp_path / "defaults.yaml"
     file.write_text(defaults_yaml())

@@ -7,6 +7,7 @@ from vgps.config.yaml_text import YamlTextError, parse_yaml
 from vgps.errors import ConfigError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "line", "problem"),
     [
@@ -43,6 +44,7 @@ plain = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(plain)
 def test_what_is_written_is_read(value):
     yaml = pytest.importorskip("yaml")

@@ -35,6 +35,7 @@ def test_heights_above_egm96_need_no_grid_of_proj():
         assert system.height_datum == "height above the geoid EGM96"
 
 
+@pytest.mark.slow
 def test_a_vertical_datum_without_its_grid_is_refused():
     with pytest.raises(
         CoordinateSystemError,

@@ -12,6 +12,7 @@ from vgps.evaluation import align, trajectory_errors
 NO_LEVER = np.zeros(3)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), scale=st.floats(0.01, 100))
 def test_alignment_inverts_a_similarity(seed: int, scale: float) -> None:
     rng = np.random.default_rng(seed)

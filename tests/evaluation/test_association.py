@@ -19,6 +19,7 @@ def test_each_time_is_matched_at_most_once() -> None:
 times = st.lists(st.floats(-100, 100), min_size=1, max_size=30, unique=True).map(np.array)
 
 
+@pytest.mark.slow
 @given(a=times, b=times, tolerance_s=st.floats(0, 10))
 def test_pairs_are_mutual_nearest_neighbours(a: FloatArray, b: FloatArray, tolerance_s: float) -> None:
     rows, others = match_times(a, b, tolerance_s)

@@ -109,6 +109,7 @@ def fundamental(P1, P2):
     return cross @ P2 @ np.linalg.pinv(P1)
 
 
+@pytest.mark.slow
 def test_ce90_and_le90_hold_nine_tenths_of_the_marks():
     marks = marks_of(run_with_marks(np.random.default_rng(2).uniform([12, 3.2, -2], [15, 4.5, 2], (200, 3))))
     rng = np.random.default_rng(3)

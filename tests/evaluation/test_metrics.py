@@ -50,6 +50,7 @@ def test_statistics_by_hand() -> None:
     assert spread.max == 4.0
 
 
+@pytest.mark.slow
 @given(angle_deg=st.floats(0.0, 180.0), seed=st.integers(0, 100))
 def test_rotation_error_is_the_angle_between_the_rotations(angle_deg: float, seed: int) -> None:
     rng = np.random.default_rng(seed)

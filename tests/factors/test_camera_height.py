@@ -25,6 +25,7 @@ def test_ten_metres_are_six_heights():
     np.testing.assert_allclose(stretched, [np.log(1.1) / 0.02])
 
 
+@pytest.mark.slow
 @given(arrays(np.float64, 3, elements=st.floats(-2, 2)), st.floats(0.5, 30), st.floats(0.3, 3))
 def test_jacobians(check_jacobians, rotation_vector, distance, height):
     check_jacobians(camera_height_factor((A, B), H, 0.2, 0.5), values_of(rotation_vector, distance, height))

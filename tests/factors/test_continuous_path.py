@@ -46,6 +46,7 @@ def test_the_path_passes_through_every_frame() -> None:
         np.testing.assert_allclose(poses_at(T_S, poses, T_S, interval), poses, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(twists)
 def test_a_cubic_path_is_exact_and_goes_on_beyond_the_ends(x: np.ndarray) -> None:
     def position(t: np.ndarray) -> np.ndarray:
@@ -72,6 +73,7 @@ def test_the_error_falls_with_the_fourth_power_of_the_interval(turn: float) -> N
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.25)
 
 
+@pytest.mark.slow
 @given(twists)
 def test_vectors_are_quaternions_and_positions(twist: np.ndarray) -> None:
     pose = gtsam.Pose3.Expmap(twist)

@@ -51,6 +51,7 @@ def assert_same_linearisation(factor, other, values):
         np.testing.assert_allclose(mine, reference, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.sampled_from(PENALTIES), twists, arrays(np.float64, 3, elements=st.floats(-5, 5)))
 def test_jacobian_at_a_frame(check_jacobians, penalty, twist, offset):
@@ -79,6 +80,7 @@ def test_jacobians_on_the_axes_and_between_identical_poses(check_jacobians, pena
     )
 
 
+@pytest.mark.slow
 @given(twists, twists)
 def test_a_fix_exactly_at_a_frame(twist, motion):
     at_a, at_b = pose(twist), pose(twist).compose(pose(motion))
@@ -94,6 +96,7 @@ def test_a_fix_exactly_at_a_frame(twist, motion):
         np.testing.assert_allclose(jacobian, expected, atol=1e-8 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @given(twists)
 def test_gaussian_equals_the_built_in_factors(twist):
     penalty, values, fix = Gaussian((0.5, 0.7, 2.0)), values_of(pose(twist)), np.array([3.0, -1.0, 2.0])
@@ -176,6 +179,7 @@ def test_jacobians_with_time_offset_and_lever_arm(
     check_jacobians(factor, values, tolerance=1e-5)
 
 
+@pytest.mark.slow
 @given(st.sampled_from(PENALTIES), twists, twists, st.floats(0, 1))
 def test_known_time_offset_is_a_fix_at_another_time(penalty, twist, motion, alpha):
     poses = pose(twist), pose(twist).compose(pose(motion))
@@ -208,6 +212,7 @@ def test_jacobians_with_an_offset_of_the_solution(check_jacobians, penalty, twis
     check_jacobians(factor, with_sensors(values, 0.02), tolerance=1e-5)
 
 
+@pytest.mark.slow
 @given(twists, twists, alphas, arrays(np.float64, 3, elements=st.floats(-5, 5)))
 def test_an_offset_moves_the_antenna_like_the_fix_moves_back(twist, motion, alpha, offset):
     values, fix = values_of(pose(twist), pose(twist).compose(pose(motion))), np.array([1.0, 2.0, 3.0])
@@ -218,6 +223,7 @@ def test_an_offset_moves_the_antenna_like_the_fix_moves_back(twist, motion, alph
     assert found.error(values) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(st.sampled_from(PENALTIES), arrays(np.float64, 3, elements=st.floats(-9, 9)), st.floats(0.01, 10.0))
 def test_the_bound_of_an_offset_is_its_penalty_times_the_weight(check_jacobians, penalty, offset, weight):
     values, factor = gtsam.Values(), offset_factor(OFFSET, penalty, weight)
@@ -226,6 +232,7 @@ def test_the_bound_of_an_offset_is_its_penalty_times_the_weight(check_jacobians,
     check_jacobians(factor, values)
 
 
+@pytest.mark.slow
 @given(arrays(np.float64, 3, elements=st.floats(-9, 9)), st.floats(0.01, 10.0), st.floats(0.5, 50.0))
 def test_a_bound_of_unknown_size_is_students_t_in_space(offset, weight, tail):
     values = gtsam.Values()

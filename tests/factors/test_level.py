@@ -39,6 +39,7 @@ def test_an_axis_that_the_ground_shows_is_level_in_a_camera_that_is_not():
     assert factor.unwhitenedError(values_of(LEVEL)) == pytest.approx([np.sin(0.3)])
 
 
+@pytest.mark.slow
 @given(arrays(np.float64, 3, elements=st.floats(-2, 2)))
 def test_jacobians(check_jacobians, rotation_vector):
     factor = level_factor(X, CAMERA_RIGHT_AND_FORWARD, [0.1, 0.5])

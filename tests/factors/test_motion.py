@@ -34,6 +34,7 @@ def test_jacobians_between_identical_poses(check_jacobians):
     check_jacobians(constant_velocity_factor((A, B, C), (0.1, 0.2), 0.5, 2.0), values_of(pose, pose, pose))
 
 
+@pytest.mark.slow
 @given(twists, twists, times, times)
 def test_constant_velocity_costs_nothing_at_any_spacing(start, velocity, dt_ab_s, dt_bc_s):
     a = gtsam.Pose3.Expmap(start)

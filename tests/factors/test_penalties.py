@@ -46,6 +46,7 @@ def test_ellipsoid_by_hand_scales_the_vertical_axis_by_beta():
     np.testing.assert_allclose(residual, np.sqrt(10) * np.array([0.6, 0.8, 3.0]), rtol=1e-14)
 
 
+@pytest.mark.slow
 @given(offsets, st.integers(1, 32), st.sampled_from([1e-8, 1e-3, 0.5]))
 def test_walls_are_equations_16_and_22_below_the_limit(offset, n, omega):
     x, y, z = offset
@@ -57,6 +58,7 @@ def test_walls_are_equations_16_and_22_below_the_limit(offset, n, omega):
     assert ellipsoid.cost(offset[None])[0] == pytest.approx(eq_22, rel=1e-9, abs=1e-300)
 
 
+@pytest.mark.slow
 @given(walls, offsets)
 def test_the_walls_jacobian(wall, offset):
     # a difference across the kink of the slope at zero shows half the step; zero itself is tested below
@@ -98,6 +100,7 @@ def test_beyond_the_limit_the_residual_is_the_tangent(n):
         assert jacobian[0, 0] == pytest.approx(slope)
 
 
+@pytest.mark.slow
 @given(walls, offsets, offsets)
 def test_the_cost_of_a_wall_is_convex(wall, p, q):
     cost_p, cost_q, cost_between = wall.cost(np.array([p, q, (p + q) / 2]))
@@ -118,6 +121,7 @@ def test_gauss_newton_reaches_the_wall_in_a_few_steps_from_anywhere(start_m, n, 
     assert steps <= 9
 
 
+@pytest.mark.slow
 @given(
     st.one_of(
         walls,

@@ -93,6 +93,7 @@ def test_a_loss_needs_a_scale():
         projection_noise(1.0, "huber", 0.0)
 
 
+@pytest.mark.slow
 @given(twists, points_in_front)
 def test_projection_factor(check_jacobians, twist, camera_p_point):
     pose = gtsam.Pose3.Expmap(twist)
@@ -105,6 +106,7 @@ def test_projection_factor(check_jacobians, twist, camera_p_point):
     check_jacobians(factor, values)
 
 
+@pytest.mark.slow
 @given(twists, points_in_front)
 def test_control_point_equals_a_landmark_that_is_held(check_jacobians, twist, camera_p_point):
     pose = gtsam.Pose3.Expmap(twist)

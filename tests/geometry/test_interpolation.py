@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -29,6 +30,7 @@ def test_vectors_are_linear_between_samples_and_clamped_outside():
     np.testing.assert_allclose(found, [[0.0, 1.0], [1.0, 1.0], [2.0, 3.0], [2.0, 5.0]])
 
 
+@pytest.mark.slow
 @given(st.floats(-10, 10))
 def test_outside_it_stays_at_the_ends_and_inside_it_is_a_rotation(at):
     found = interpolate_poses(T_S, poses(), np.array([at]))[0]

@@ -1,5 +1,6 @@
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -26,6 +27,7 @@ def test_project_agrees_with_opencv():
     assert (depth > 0).all()
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(2, 8))
 def test_triangulation_finds_exact_points(seed, views):
     rng = np.random.default_rng(seed)

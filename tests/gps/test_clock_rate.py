@@ -67,6 +67,7 @@ def test_clocks_of_one_rate_stay_as_they_are(noise_m, seed):
     assert search(streets, GpsClock(0.2), noise_m=noise_m, seed=seed) is None
 
 
+@pytest.mark.slow
 def test_a_straight_shows_no_rate():
     assert search(straight, GpsClock(0.0, 0.01)) is None
 

@@ -71,6 +71,7 @@ def test_wrong_fixes_may_hide_it_but_never_show_another(seed):
     assert found is None or abs(found - 6.0) < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begins", [True, False])
 def test_a_jump_of_the_fixes_near_an_end_shows_no_offset_that_leaves_it_out(begins):
     """A receiver that loses its ambiguities 3 s after a walk began, or has them back 3 s before its end."""
@@ -170,6 +171,7 @@ def test_a_path_of_two_places_is_laid_flat():
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_mirrored_picture_turns_the_other_way_than_the_fixes():
     fixes, mirror = stamped(street, -1.0, noise_m=0.5), np.array([1.0, -1.0, 1.0])
     right, mirrored = (

@@ -74,6 +74,7 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
     assert of._cost(of._at(ours), loss) == pytest.approx(2.0 * reference.cost, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_fit_reaches_the_minimum_from_afar():
     """From a radian away steps that raise the cost are shortened, and one step is not enough."""
     rng = np.random.default_rng(4)

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from synthetic_bundle import ANTENNA
 from synthetic_fixes import fixes_at
 from synthetic_map import scene
@@ -117,6 +118,7 @@ def test_a_path_that_begins_after_the_first_fixes_keeps_their_time_offset():
     assert fix_buffer.sensors.time_offset_s == 0.0
 
 
+@pytest.mark.slow
 def test_outlier_detection_returns_the_time_of_the_first_used_fix_now_rejected():
     _, poses, t_s, fixes = scene()
     moved = fixes.world_p_fix.copy()

@@ -41,6 +41,7 @@ def learned(fixes, camera_path=TRUE_PATH, config=CONFIG):
     return learn_errors(fixes, camera_path, np.zeros(3), config)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk_m", [0.03, 0.1, 0.4])
 def test_the_walk_of_a_receiver_is_found(walk_m):
     found = [learned(log(walk_m, 0.005, seed=seed))[DGPS].walk_m for seed in range(5)]
@@ -48,6 +49,7 @@ def test_the_walk_of_a_receiver_is_found(walk_m):
     assert 0.6 < np.median(found) / walk_m < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_m", [0.03, 0.15])
 def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
     found = [learned(log(0.05, noise_m, interval_s=0.2, seed=seed))[DGPS] for seed in range(5)]
@@ -55,6 +57,7 @@ def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
     assert 0.5 < np.median([one.walk_m for one in found]) / 0.05 < 2.0
 
 
+@pytest.mark.slow
 def test_errors_that_a_receiver_smooths_within_a_second_are_no_smaller_for_it():
     def found(interval_s, seed):
         rng, t_s = np.random.default_rng(seed), np.arange(0.05, 20.0, interval_s)

@@ -37,6 +37,7 @@ def test_an_rtk_fix_a_metre_off_is_a_float_and_thirty_metres_off_an_outlier():
     assert found.rejected.tolist() == [False, False, True, False]
 
 
+@pytest.mark.slow
 @given(st.floats(0, 1e3), st.floats(0, 1e3))
 @settings(deadline=None)
 def test_probabilities_are_probabilities_and_fall_with_distance(near, more):
@@ -46,6 +47,7 @@ def test_probabilities_are_probabilities_and_fall_with_distance(near, more):
     assert found.nominal[1] <= found.nominal[0] + 1e-12
 
 
+@pytest.mark.slow
 def test_clean_fixes_on_a_drifting_path_are_all_accepted():
     rng = np.random.default_rng(0)
     fixes = fixes_at(T_FIX, 0.5, 0.7, offset=rng.normal(0, 0.15, (19, 3)))
@@ -72,6 +74,7 @@ def test_a_consistent_cluster_of_false_rtk_fixes_is_rejected():
     assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
 
 
+@pytest.mark.slow
 def test_false_fixes_at_the_start_are_rejected():
     """No fixes precede them, and a path that deforms in its first seconds would fit them."""
     offset = np.zeros((19, 3))
@@ -82,6 +85,7 @@ def test_false_fixes_at_the_start_are_rejected():
     assert np.flatnonzero(found.rejected).tolist() == [0, 1, 2, 3, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_run_to_which_the_path_would_bend_is_left_out_on_trial():
     """The path lost its scale, and without the trial the good fixes about the run are rejected."""
     wrong = (np.arange(19) > 1) & (np.arange(19) < 9)
@@ -91,6 +95,7 @@ def test_a_run_to_which_the_path_would_bend_is_left_out_on_trial():
     assert found.rejected[2:].tolist() == wrong[2:].tolist()
 
 
+@pytest.mark.slow
 def test_errors_late_in_a_long_drive_are_found_as_in_a_short_piece():
     """Six minutes and sixteen shared errors: the knots of the drift lie as close as in a short path."""
     t_s, t_fix = 0.2 * np.arange(2000), np.arange(0.05, 399.0, 2.0)
@@ -103,6 +108,7 @@ def test_errors_late_in_a_long_drive_are_found_as_in_a_short_piece():
     assert judged(trajectory(path(t_s), t_s), fixes).rejected.tolist() == wrong.tolist()
 
 
+@pytest.mark.slow
 def test_later_fixes_reverse_a_verdict():
     """Three fixes jump away from the first five; once ten more agree with them, the five are rejected."""
     offset = np.zeros((19, 3))

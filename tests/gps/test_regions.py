@@ -74,6 +74,7 @@ def test_a_class_without_a_region_gets_none():
     assert not fixes.used.any() and np.isnan(fixes.r_m).all()
 
 
+@pytest.mark.slow
 @given(
     hdop=st.floats(0.1, 100) | st.just(NAN),
     satellites=st.integers(0, 60) | st.just(NAN),

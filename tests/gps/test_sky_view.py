@@ -63,6 +63,7 @@ def test_satellites_in_the_hidden_share_are_lost():
     np.testing.assert_allclose(factor, [1.0, np.sqrt(10 / 4.4), 2.0, 1.0])
 
 
+@pytest.mark.slow
 @given(
     share=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2).map(sorted),
     satellites=st.floats(0.0, 60.0) | st.just(float("nan")),

@@ -113,6 +113,7 @@ def test_jitter_does_not_hide_a_time_offset_that_turns_and_braking_show(seed):
     assert sensors.time_offset_s == pytest.approx(0.3, abs=0.015)
 
 
+@pytest.mark.slow
 def test_seven_seconds_show_a_time_offset_by_fixes_closer_than_a_second():
     logs = [with_jitter(turns_and_braking, seed, late_s=0.3, until_s=8.0) for seed in range(10)]
     found = [update_time_offset(SENSORS, *log, SensorsConfig())[0].time_offset_s for log in logs]
@@ -293,6 +294,7 @@ def test_fixes_of_a_second_count_though_their_stamps_are_not_quite_even():
     assert sigma_s[0] == pytest.approx(sigma_s[1], rel=0.1)
 
 
+@pytest.mark.slow
 def test_each_class_weighs_by_its_own_differences():
     size = np.where(np.arange(19) < 10, 0.1, 3.0)[:, None]  # centimetres per second, then a third of a metre
     errors = [size * (wander(seed) - wander(seed)[9]) for seed in range(20)]

@@ -52,6 +52,7 @@ def replace_config(**changes):
     return CONFIG.model_copy(update=changes)
 
 
+@pytest.mark.slow
 def test_a_motion_that_repeats_itself_leaves_the_offset_open():
     def periodic(t_s):
         phase = 2 * np.pi * t_s / 0.5
@@ -83,6 +84,7 @@ def test_too_short_a_video_is_refused():
         calibrate_from_rotations(short, gyro, CONFIG)
 
 
+@pytest.mark.slow
 def test_a_gap_in_the_log_costs_its_intervals_alone():
     turns, gyro = noisy(rich)
     kept = (gyro.t_s < 4.0) | (gyro.t_s > 6.0)

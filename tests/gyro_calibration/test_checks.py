@@ -25,6 +25,7 @@ def steady(t_s):
     return np.tile([0.3, 0.2, 0.1], (len(t_s), 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [still, steady])
 def test_no_motion_and_steady_motion_are_refused(rates):
     with pytest.raises(GeometryError, match="stood still or rotated steadily"):
@@ -45,6 +46,7 @@ def test_mirrored_axes_are_refused():
         calibrate_from_rotations(turns, mirrored, CONFIG)
 
 
+@pytest.mark.slow
 def test_rates_in_degrees_are_refused():
     turns, gyro = noisy(rich)
     degrees = replace(gyro, rate_rad_s=np.degrees(gyro.rate_rad_s))

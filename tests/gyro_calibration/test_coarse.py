@@ -23,6 +23,7 @@ def test_an_alignment_by_hand() -> None:
     np.testing.assert_allclose(found.scatter, [18 / 6, 8 / 6, 2 / 6])
 
 
+@pytest.mark.slow
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_any_rotation_is_found_again_and_scipy_agrees(quaternion: tuple[float, ...]) -> None:
     R = Rotation.from_quat(quaternion)

@@ -39,6 +39,7 @@ def test_an_imu_that_turns_as_the_video_does_is_used(given):
     assert found(**given).contradiction is None
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_a_little_off_is_found():
     late = found(late_s=0.015)
     assert 0.0 < late.time_offset_sigma_s < 3e-3
@@ -46,12 +47,14 @@ def test_a_clock_that_is_a_little_off_is_found():
     assert found().time_offset_s == 0.0 and not late.misled
 
 
+@pytest.mark.slow
 def test_a_clock_that_misled_the_tracking_is_no_contradiction():
     late = found(late_s=0.06)
     assert late.contradiction is None and late.misled
     assert late.time_offset_s == pytest.approx(-0.06, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.3, -1.7])
 def test_a_clock_that_is_far_off_is_looked_for(late_s):
     late = found(late_s=late_s)
@@ -59,6 +62,7 @@ def test_a_clock_that_is_far_off_is_looked_for(late_s):
     assert late.time_offset_s == pytest.approx(-late_s, abs=4.0 * late.time_offset_sigma_s)
 
 
+@pytest.mark.slow
 def test_a_clock_that_may_be_right_or_is_off_by_next_to_nothing_stays():
     by_chance = found(late_s=0.004)
     assert by_chance.time_offset_s == 0.0 and 3.0 * by_chance.time_offset_sigma_s > 0.004
@@ -66,6 +70,7 @@ def test_a_clock_that_may_be_right_or_is_off_by_next_to_nothing_stays():
     assert hardly.time_offset_s == 0.0 and 3.0 * hardly.time_offset_sigma_s < 0.0005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "message"),
     [

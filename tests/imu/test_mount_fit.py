@@ -42,6 +42,7 @@ def test_a_residual_by_hand() -> None:
     np.testing.assert_allclose(found, [[0.02, 0, 0]], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_mount_is_found_exactly_without_noise() -> None:
     turns, gyro = camera_rotations(rich, 20.0), GyroIntegral(gyro_log(rich, 20.0))
     fit = fit_mount(turns, gyro, START, ROBUST)
@@ -50,6 +51,7 @@ def test_the_mount_is_found_exactly_without_noise() -> None:
     np.testing.assert_allclose(fit.mount.bias_rad_s, MOUNT.bias_rad_s, atol=2e-5)
 
 
+@pytest.mark.slow
 def test_wrong_rotations_hardly_count() -> None:
     rng = np.random.default_rng(1)
     turns = camera_rotations(rich, 20.0, 1e-3, rng)

@@ -35,6 +35,7 @@ def frame_of(places: np.ndarray) -> np.ndarray:
     return np.linalg.norm(places[:, None] - poses()[None, :, :3, 3], axis=2).argmin(axis=1)
 
 
+@pytest.mark.slow
 def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: DatabaseContents) -> None:
     views, wall = contents.views, texture()
     frames = frame_of(views.world_p_camera)
@@ -53,6 +54,7 @@ def test_a_template_pixel_shows_the_point_that_the_axes_name(contents: DatabaseC
         np.testing.assert_allclose(views.templates[row, 0], shown, atol=0.51)
 
 
+@pytest.mark.slow
 def test_landmarks_keep_their_positions_and_look_towards_the_camera(
     wall: WallRun, contents: DatabaseContents
 ) -> None:
@@ -66,6 +68,7 @@ def test_landmarks_keep_their_positions_and_look_towards_the_camera(
     assert ((views.position_sigma_m > 0.05) & (views.position_sigma_m < 1.2)).all()
 
 
+@pytest.mark.slow
 def test_views_are_few_and_spread(contents: DatabaseContents) -> None:
     counts = np.unique(contents.views.landmark, return_counts=True)[1]
     assert counts.max() == 8 and len(counts) > 80
@@ -108,6 +111,7 @@ def test_landmarks_poorly_known_are_left_out(wall: WallRun, contents: DatabaseCo
     assert sure.position_sigma_m.max() <= 0.03 * 12
 
 
+@pytest.mark.slow
 def test_of_a_lens_that_bends_templates_are_of_the_undistorted_image(tmp_path: Path) -> None:
     bent = built(make_wall_run(tmp_path, BENT)).views
     wall = texture()
@@ -123,6 +127,7 @@ def test_of_a_lens_that_bends_templates_are_of_the_undistorted_image(tmp_path: P
     assert np.corrcoef(bent.templates[row, 0].ravel(), shown.ravel())[0, 1] > 0.99
 
 
+@pytest.mark.slow
 def test_a_keyframe_places_features_beside_their_landmarks(contents: DatabaseContents) -> None:
     key = contents.keyframes[1]
     position = dict(zip(contents.views.landmark, contents.views.world_p_landmark, strict=True))
@@ -137,6 +142,7 @@ def test_a_keyframe_places_features_beside_their_landmarks(contents: DatabaseCon
     assert key.thumbnail.shape == (48, 64)
 
 
+@pytest.mark.slow
 def test_written_and_asked_it_shows_what_a_frame_saw(contents: DatabaseContents, tmp_path: Path) -> None:
     write_database(contents, tmp_path / "wall.vgps")
     with LandmarkDatabase.open(tmp_path / "wall.vgps") as database:
@@ -170,6 +176,7 @@ def test_a_run_that_does_not_fit_is_refused(wall: WallRun) -> None:
     assert "none of 150 landmarks is reliable" in complaint(wall, landmarks=vague)
 
 
+@pytest.mark.slow
 def test_two_runs_of_different_origins_meet_in_one_world(wall: WallRun, tmp_path: Path) -> None:
     moved = replace(wall.solution, world_origin=GeodeticPoint(49.011, 8.4166, 163.0))
     write_run(moved, tmp_path / "other")
@@ -186,6 +193,7 @@ def test_no_run_at_all_is_refused() -> None:
         build_from_runs([])
 
 
+@pytest.mark.slow
 def test_a_recording_that_moved_is_named(wall: WallRun, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     shutil.copytree(wall.recording, elsewhere)

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_landmarks import random_contents
@@ -6,6 +7,7 @@ from synthetic_landmarks import random_contents
 from vgps.landmarks.cells import concatenated_ranges, partition, pixel_sizes_m
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(0, 300), size=st.integers(1, 40))
 def test_every_point_is_in_one_group_of_its_octave(seed: int, count: int, size: int) -> None:
     rng = np.random.default_rng(seed)

@@ -98,6 +98,7 @@ def test_the_candidates_of_one_place_serve_places_around_it(tmp_path: Path, seed
             assert sorted(found.landmark.tolist()) == sorted(expected)
 
 
+@pytest.mark.slow
 def test_equally_reliable_landmarks_are_chosen_by_viewing_direction(tmp_path: Path) -> None:
     contents = random_contents(8, landmarks=9000, max_views=1)
     views = replace(contents.views, sigma_px=np.full(len(contents.views), 0.5))
@@ -115,6 +116,7 @@ def test_equally_reliable_landmarks_are_chosen_by_viewing_direction(tmp_path: Pa
     assert angle[15].mean() < angle[None].mean() - 3
 
 
+@pytest.mark.slow
 def test_equally_reliable_landmarks_are_ordered_by_the_distance_of_their_views(tmp_path: Path) -> None:
     contents = random_contents(9, landmarks=9000, max_views=1)
     equal = np.full(len(contents.views), 0.5)
@@ -236,6 +238,7 @@ def test_early_files_without_cameras_and_check_sums_are_read(database_path: Path
     np.testing.assert_array_equal(after[0].descriptors, before[0].descriptors)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_a_flipped_bit_changes_no_answer_unnoticed(database_path: Path, place: float, bit: int) -> None:

@@ -91,6 +91,7 @@ def test_a_table_whose_name_is_no_text_is_damage(database_path: Path) -> None:
     assert "is not as in the schema" in complaint(database_path)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_verification_gives_the_same_digest_or_an_error(database_path: Path, place: float, bit: int) -> None:

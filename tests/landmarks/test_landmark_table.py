@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from synthetic_landmarks import random_contents
 
 from tests.support.synthetic_landmarks import plane_normals
@@ -9,6 +10,7 @@ from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.landmark_table import LandmarkTable
 
 
+@pytest.mark.slow
 def test_derived_columns_follow_from_the_views(tmp_path: Path) -> None:
     views = random_contents(2, landmarks=150).views
     write_database(random_contents(2, landmarks=150), tmp_path / "landmarks.vgps")

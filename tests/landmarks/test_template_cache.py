@@ -12,6 +12,7 @@ from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.template_cache import TemplateCache
 
 
+@pytest.mark.slow
 def test_a_cache_smaller_than_the_database_gives_the_same_templates(tmp_path: Path) -> None:
     contents = random_contents(2, landmarks=4500)  # of at most 300 bytes each: 1.3 MB
     write_database(contents, tmp_path / "landmarks.vgps")

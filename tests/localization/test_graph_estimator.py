@@ -41,6 +41,7 @@ def run(bias, times, **changes):
     return estimator, np.array(alone), np.array(graph)
 
 
+@pytest.mark.slow
 def test_the_graph_is_closer_to_the_truth_than_single_frames():
     _, alone, graph = run((0, 0, 0), np.arange(25) / 10)
     assert graph[5:].mean() < 0.7 * alone[5:].mean()

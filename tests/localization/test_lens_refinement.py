@@ -91,6 +91,7 @@ def test_standard_deviations_hold_where_landmarks_err_in_all_frames_alike():
     assert 0.6 < np.mean(np.square(found)[:, :3]) < 2.0
 
 
+@pytest.mark.slow
 def test_a_wall_that_is_looked_at_squarely_does_not_tell_the_focal_length():
     given = replace(PINHOLE, fx=510.0, fy=510.0)
     level = frames(PINHOLE, given, depth=(10.0, 10.0001))
@@ -106,11 +107,13 @@ def check(true, given, made):
     return [lens.better(given, made[: k + 1]) for k in range(len(made))], lens
 
 
+@pytest.mark.slow
 def test_a_right_calibration_is_kept():
     shown, lens = check(PINHOLE, PINHOLE, frames(PINHOLE, PINHOLE, count=130))
     assert set(shown) == {None} and lens.notes == () and lens.found is None
 
 
+@pytest.mark.slow
 def test_a_wrong_one_is_told_after_sixty_frames_and_at_most_three_times():
     given = replace(PINHOLE, fx=510.0, fy=510.0)
     shown, lens = check(PINHOLE, given, frames(PINHOLE, given, count=300))

@@ -18,6 +18,7 @@ def blurred(image, blur_px, side):
     return blur_along_rows(sampled.reshape(-1, grids.height, grids.width), grids)
 
 
+@pytest.mark.slow
 @given(motions, st.sampled_from([5, 15, 21]))
 def test_a_rotated_grid_covers_the_template_and_its_motion(blur_px, side):
     grids = blur_grids(blur_px, side)
@@ -33,6 +34,7 @@ def test_a_rotated_grid_covers_the_template_and_its_motion(blur_px, side):
     assert (reach[:, 1] + 1 <= grids.height // 2).all()
 
 
+@pytest.mark.slow
 @given(motions, st.floats(0, 255))
 def test_a_uniform_image_is_unchanged(blur_px, grey):
     out = blurred(np.full((161, 161), grey, np.float32), blur_px, 15)

@@ -59,6 +59,7 @@ def test_a_good_initial_pose_wins_where_samples_fail():
     assert off(found.world_T_camera)[1] < 0.2
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_simulated_errors():
     points, uv = scene()
     rng = np.random.default_rng(5)

@@ -22,6 +22,7 @@ def keyframes(database):
     return database.keyframes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t_s", [0.2, 1.0])
 def test_the_first_candidate_is_the_cameras_pose(keyframes, t_s):
     recovery = DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig())
@@ -46,11 +47,13 @@ def test_a_pose_is_recovered_from_pixels_of_the_middle_row(keyframes):
     assert modelled < 0.6 * ignored
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("image", [np.zeros((240, 320), np.float32), np.full((240, 320), 300, np.float32)])
 def test_an_empty_image_has_no_candidates(keyframes, image):
     assert DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig()).candidates(image, unchanged) == []
 
 
+@pytest.mark.slow
 def test_noise_has_no_candidates(keyframes):
     noise = np.random.default_rng(0).uniform(0, 255, (240, 320)).astype(np.float32)
     assert DescriptorRecovery(keyframes, CAMERA.K, LocalizationConfig()).candidates(noise, unchanged) == []

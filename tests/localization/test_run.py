@@ -100,6 +100,7 @@ def test_a_calibration_that_the_run_of_the_map_refined_is_replaced_by_the_refine
     np.testing.assert_array_equal(other.world_T_camera, solution.world_T_camera)
 
 
+@pytest.mark.slow
 def test_a_video_of_another_place_is_refused(database):
     video = WallVideo(3, black=(0, 1, 2))
     with pytest.raises(GeometryError, match=r"wall.mp4.*landmarks.*expected 6"):
@@ -116,6 +117,7 @@ def test_a_run_folder_is_written(database, tmp_path):
     assert "tracked" in rows[2]
 
 
+@pytest.mark.slow
 def test_a_fault_of_the_video_is_passed_on(database):
     class Broken(WallVideo):
         def frames(self):

@@ -43,6 +43,7 @@ def observations(made, since):
     return np.column_stack([log.frame, log.uv_px, made.points[log.landmark], made.gray[log.landmark]])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.integers(10, 40), st.integers(0, 45), st.integers(0, 45), st.integers(0, 3))
 def test_discarding_leaves_the_rest_as_it_was(frames, before_frame, before_view, seed):
@@ -189,6 +190,7 @@ def test_a_similarity_moves_poses_points_and_constraints_alike():
     assert made.aligned and not before.aligned
 
 
+@pytest.mark.slow
 def test_observations_of_another_calibration_leave_a_snapshot_as_it_was():
     problem, _, _, _ = scene(frames=6)
     local_map = map_of(problem, 0, 5)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from inertial import MOUNT, exact_log, path_of, swinging_motion
 
 from vgps.config import Config
@@ -44,6 +45,7 @@ class Session:
         return self
 
 
+@pytest.mark.slow
 def test_a_right_imu_stays_and_a_map_that_is_wrong_for_a_moment_does_not_matter():
     session = Session(LOG, wrong_until_s=4.15).run(6.0)
     assert session.gyro is GYRO and session.imu.log is LOG and not session.warnings and len(session.used) == 1
@@ -58,6 +60,7 @@ def test_rates_in_degrees_are_left_out_with_the_map_that_they_bent():
     assert session.used[1:] == [None]
 
 
+@pytest.mark.slow
 def test_a_reversed_accelerometer_leaves_the_rotations():
     session = Session(replace(LOG, force_m_s2=-LOG.force_m_s2)).run(6.0)
     (note,) = session.warnings

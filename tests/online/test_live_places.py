@@ -135,6 +135,7 @@ class Looking:
         self.map.discard_before(frame - 60, frame - 40)
 
 
+@pytest.mark.slow
 def test_a_place_is_remembered_however_slowly_the_camera_leaves_it():
     looking = Looking()
     for _ in range(200):
@@ -149,6 +150,7 @@ def test_a_place_is_remembered_however_slowly_the_camera_leaves_it():
     assert len(second.settled[0].depth) > 50 and np.all(second.settled[0].depth > 0.0)
 
 
+@pytest.mark.slow
 def test_a_frame_that_left_the_map_while_the_camera_was_lost_is_no_place():
     looking = Looking()
     for _ in range(200):

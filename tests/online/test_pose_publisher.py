@@ -88,6 +88,7 @@ def test_an_imu_bridges_longer_gaps_and_the_start_of_the_next_map():
     np.testing.assert_array_equal(dark[-1].local_T_camera, by_imu)
 
 
+@pytest.mark.slow
 def test_after_a_correction_the_smooth_pose_nears_the_corrected_one_without_jumps():
     drive = Drive()
     drive.begin()

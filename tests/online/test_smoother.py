@@ -35,6 +35,7 @@ def online(opened):
     return fed(opened)
 
 
+@pytest.mark.slow
 def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online, opened, recording):
     smoother, _ = online
     solution = smoother.finish()
@@ -52,6 +53,7 @@ def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online
     assert np.median(off) < 2.0
 
 
+@pytest.mark.slow
 def test_the_result_has_the_refined_camera(opened):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     assert smoother._session().camera is opened.camera
@@ -60,6 +62,7 @@ def test_the_result_has_the_refined_camera(opened):
     assert smoother._session().camera is refined
 
 
+@pytest.mark.slow
 def test_states_come_in_order_and_no_pose_is_invented(online):
     _, estimates = online
     states = [estimate.state for estimate in estimates]
@@ -72,6 +75,7 @@ def test_states_come_in_order_and_no_pose_is_invented(online):
     assert aligned == [estimates[states.index(OnlineState.TRACKED)].t_s]
 
 
+@pytest.mark.slow
 def test_each_pose_is_near_the_truth_as_it_comes(online, recording):
     _, estimates = online
     true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
@@ -80,6 +84,7 @@ def test_each_pose_is_near_the_truth_as_it_comes(online, recording):
     assert len(found) > 40 and np.mean(away) < 0.3
 
 
+@pytest.mark.slow
 def test_every_fix_is_reported_once_while_its_verdict_is_unchanged(online, opened):
     _, estimates = online
     told = [event.details for estimate in estimates for event in estimate.events if event.kind == "fix"]
@@ -114,6 +119,7 @@ def test_late_and_unordered_fixes_count_at_their_times(opened, images, recording
     assert abs(smoother._frame_pipeline.fix_buffer.sensors.time_offset_s) < 0.1
 
 
+@pytest.mark.slow
 def test_a_fix_of_the_same_time_or_without_a_position_is_refused(opened):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     fix = next(fixes_of(opened.gps))
@@ -121,6 +127,7 @@ def test_a_fix_of_the_same_time_or_without_a_position_is_refused(opened):
     assert not smoother.add_fix(fix._replace(t_s=5.0, height_m=np.nan))
 
 
+@pytest.mark.slow
 def test_the_first_usable_fix_is_the_origin_where_the_rig_names_none(opened, images):
     smoother = OnlineSmoother(opened.camera, replace(opened.rig, world_origin=None))
     fixes = list(fixes_of(opened.gps))
@@ -132,6 +139,7 @@ def test_the_first_usable_fix_is_the_origin_where_the_rig_names_none(opened, ima
     assert origin == (fixes[2].latitude_deg, fixes[2].longitude_deg, fixes[2].height_m)
 
 
+@pytest.mark.slow
 def test_bad_frames_are_reported_with_their_number(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     smoother.add_frame(*images[0])
@@ -159,6 +167,7 @@ def test_what_a_pose_does_not_need_comes_after_it_and_before_the_next(opened, im
     assert not any(one is second for one in done)
 
 
+@pytest.mark.slow
 def test_without_fixes_the_result_is_not_georeferenced(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     states = [smoother.add_frame(*image).state for image in images[:40]]

@@ -8,6 +8,7 @@ from vgps.config import Config, StartConfig
 from vgps.pipeline.airborne import with_airborne
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given, drone, flies",
     [("auto", True, True), ("auto", False, False), ("no", True, False), ("yes", False, True)],

@@ -59,6 +59,7 @@ def room():
     return recording, offline.smooth(recording, vgps.Config())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("found_px", [(720.0,), (700.0, 712.0), (550.0, 720.0, 718.0)])
 def test_stages_run_again_until_a_camera_is_near_the_one_they_began_with(monkeypatch, room, found_px):
     """A half per cent off once; by more than 5 %, as where the run itself went astray, again."""

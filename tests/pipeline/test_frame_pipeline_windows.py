@@ -21,6 +21,7 @@ def aligned():
     return fed(room(), exact_fixes())
 
 
+@pytest.mark.slow
 def test_stage_c_and_alignment_wait_for_moving_frames(monkeypatch):
     made, windows, alignments = pipeline(), [], []
     optimise = made._worker.optimise
@@ -36,6 +37,7 @@ def test_stage_c_and_alignment_wait_for_moving_frames(monkeypatch):
     assert alignments == moving
 
 
+@pytest.mark.slow
 def test_a_failure_of_stage_c_leaves_the_map_and_three_in_a_row_end_it(monkeypatch):
     made, kept = pipeline(), []
 
@@ -58,6 +60,7 @@ def test_a_failure_of_stage_c_leaves_the_map_and_three_in_a_row_end_it(monkeypat
     assert len(made.maps) == 2 and made.current is made.maps[1]
 
 
+@pytest.mark.slow
 def test_a_failure_is_forgotten_after_a_success(monkeypatch):
     made, calls = pipeline(), []
     optimise = made._worker.optimise
@@ -102,6 +105,7 @@ def test_the_result_of_stage_c_is_taken_a_fixed_number_of_frames_later(monkeypat
     assert begun == list(range(begun[0], COUNT + 1, 5))
 
 
+@pytest.mark.slow
 def test_positions_that_stage_c_did_not_refine_are_triangulated_anew(aligned):
     local_map = aligned.maps[0].snapshot()
     ids = local_map.ids[local_map.positioned & (np.isfinite(local_map.views[..., 0]).sum(axis=1) > 10)][:6]

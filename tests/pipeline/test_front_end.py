@@ -34,6 +34,7 @@ def front_end():
     return run(room_recording(POSES, gps=room_gps_log(POSES)))
 
 
+@pytest.mark.slow
 def test_every_frame_is_in_an_aligned_map(front_end):
     (local_map,) = front_end.maps
     assert local_map.aligned and len(local_map.poses) == 24
@@ -50,12 +51,14 @@ def test_a_flight_whose_start_is_doubtful_is_followed_all_the_same():
     assert len(found.maps) == 1 and np.isfinite(found.maps[0].poses).all()
 
 
+@pytest.mark.slow
 def test_fixes_lie_in_the_world_at_the_times_of_their_own_clock(front_end):
     np.testing.assert_allclose(front_end.fixes.t_s, 0.1 * np.arange(0, 24, 3))
     np.testing.assert_allclose(front_end.fixes.world_p_fix, POSES[::3, :3, 3], atol=1e-3)
     assert front_end.sensors.time_offset_s == 0.0
 
 
+@pytest.mark.slow
 def test_it_is_plain_data(front_end):
     assert isinstance(front_end.maps, tuple) and isinstance(front_end.warnings, tuple)
     for field in fields(FrontEnd):
@@ -75,6 +78,7 @@ def test_stage_c_has_ended_when_the_front_end_has():
     assert "wait" in front_end.seconds and "window beside" in front_end.seconds
 
 
+@pytest.mark.slow
 def test_warnings_of_the_video_come_first():
     opened = room_recording(POSES[:12])
     opened.video.warnings = ("two frames could not be decoded",)
@@ -93,6 +97,7 @@ def test_what_a_lens_leaves_out_of_the_picture_is_a_warning():
     assert not front_end_of(pipeline, room_recording(POSES[:2]), None).warnings
 
 
+@pytest.mark.slow
 def test_progress_counts_every_frame_once():
     class Counter(NoProgress):
         seen, total = 0, 0
@@ -120,6 +125,7 @@ def test_too_few_fixes_are_refused_before_any_frame_is_read():
         run(opened)
 
 
+@pytest.mark.slow
 def test_control_points_take_the_place_of_gps():
     front_end = run(room_recording(POSES[:16], control_points=room_control_points(POSES, geodetic=True)))
     (local_map,) = front_end.maps

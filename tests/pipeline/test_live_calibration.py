@@ -75,6 +75,7 @@ def test_a_map_follows_the_camera_that_its_frames_show():
     assert step[0] == pytest.approx(step[1], rel=0.2)  # and keeps its scale there
 
 
+@pytest.mark.slow
 def test_a_camera_that_fits_stays():
     local_map = map_seen_by(CAMERA)
     made = calibrated(CAMERA, local_map, Config(window=CONFIG.window))
@@ -191,6 +192,7 @@ def test_a_window_that_fails_leaves_the_camera_to_the_next(monkeypatch, at_once)
     assert misfit_px(local_map, WRONG) > misfit_px(local_map, worker.camera)
 
 
+@pytest.mark.slow
 def test_a_map_that_cannot_follow_keeps_its_camera(monkeypatch):
     local_map, fix_buffer = map_seen_by(WRONG), FixBuffer(Fixes.empty(), ANTENNA, CONFIG)
     stage_c = StageC(SmoothingContext(WRONG, CONFIG, calibrates=True), StageTimer())

@@ -103,6 +103,7 @@ def test_fixes_that_determine_nothing_are_a_warning_with_sigmas():
     assert np.degrees(np.median(solution.sigma_rotation_rad[:, 2])) > 3.0
 
 
+@pytest.mark.slow
 def test_a_video_alone_keeps_place_and_scale_of_its_map():
     """Its first frame is held, and another one a little later; it is in no world."""
     solution = vgps.smooth(room_recording(path(16)), CONFIG)

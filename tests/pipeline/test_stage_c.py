@@ -28,6 +28,7 @@ def true_map(last=59, aligned=True):
     return map_of(replace(problem, world_T_camera=true), 0, last, aligned=aligned), true, fixes
 
 
+@pytest.mark.slow
 def test_drift_is_corrected_in_frames_that_the_window_holds():
     local_map, true, fixes = true_map()
 

@@ -24,6 +24,7 @@ def disturbed_map(last):
     return map_of(replace(problem, world_T_camera=start), 0, last), true, fixes
 
 
+@pytest.mark.slow
 def test_stage_c_in_a_thread_gives_the_same_result_as_at_once():
     at_once, _, fixes = disturbed_map(39)
     beside, _, _ = disturbed_map(39)
@@ -37,6 +38,7 @@ def test_stage_c_in_a_thread_gives_the_same_result_as_at_once():
     np.testing.assert_array_equal(beside.points, at_once.points)
 
 
+@pytest.mark.slow
 def test_frames_added_meanwhile_are_corrected_too():
     """The map is taken at frame 39; when the result comes there are 50.
 

@@ -90,6 +90,7 @@ def test_a_place_beyond_the_sigmas_of_the_path_is_a_look_alike() -> None:
     assert len(find_loops(video_of(poses, off_m=4.0, sigma_m=1.0), shown(poses), SETTINGS)) == VISIT
 
 
+@pytest.mark.slow
 def test_a_single_frame_confirms_nothing() -> None:
     poses = two_visits()
     frames = [frame for frame in shown(poses) if frame.index <= VISIT + AWAY]

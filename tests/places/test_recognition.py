@@ -49,6 +49,7 @@ def answers(off_m, sigma_m, sigma_rad=1e-3):
         yield recogniser.look(look, lambda frame=frame: world_path(wrong[: frame + 1], sigma_m, sigma_rad))
 
 
+@pytest.mark.slow
 def test_a_frame_is_posed_by_the_landmarks_of_an_earlier_visit_once_its_neighbours_agree():
     found = list(answers(off_m=0.6, sigma_m=1.0))
     assert [one.recognised is not None for one in found] == [False] * 6 + [True] * 2
@@ -60,6 +61,7 @@ def test_a_frame_is_posed_by_the_landmarks_of_an_earlier_visit_once_its_neighbou
         assert np.all(np.abs(away_m) < 4.0 * one.sigma[:3]) and 0.02 < one.sigma[:3].max() < 0.06
 
 
+@pytest.mark.slow
 def test_sigmas_of_a_place_hold_those_of_the_earlier_frame_and_of_the_way_from_it():
     one = list(answers(off_m=0.6, sigma_m=1.0, sigma_rad=0.3))[-1].recognised
     away_m = np.linalg.norm(TRUE[one.frame, :3, 3] - TRUE[one.earlier, :3, 3])
@@ -73,6 +75,7 @@ def test_a_place_further_off_than_the_sigmas_allow_is_a_look_alike():
     assert not any(one.recognised for one in answers(1.2 * off_m, 0.2))
 
 
+@pytest.mark.slow
 def test_looks_are_closer_where_places_are_near():
     step_m = [one.next_m - 0.12 * k - APART_M * (k >= len(VISIT)) for k, one in enumerate(answers(0.0, 1.0))]
     np.testing.assert_allclose(step_m, DEPTH_M * np.repeat([SETTINGS.reach, SETTINGS.spacing], len(VISIT)))
@@ -121,6 +124,7 @@ def test_the_oldest_place_is_forgotten():
     assert memory.frame[memory.candidates(sights[2], near, 1)[0]] == 2
 
 
+@pytest.mark.slow
 def test_the_covariance_of_a_pose_is_that_of_its_errors():
     rng, pose = np.random.default_rng(3), VISIT[0]
     points = points_at(pose, rng.uniform(20, 220, (60, 2)))

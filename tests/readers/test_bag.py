@@ -55,6 +55,7 @@ def test_images_are_those_of_the_video(bag, recording):
     assert index == 3 and picture.shape == (*grey[0].shape, 3)
 
 
+@pytest.mark.slow
 def test_fixes_of_a_bag_beside_another_video(bag, recording, tmp_path):
     if bag.is_dir():
         pytest.skip("a GPS log is a file")
@@ -63,6 +64,7 @@ def test_fixes_of_a_bag_beside_another_video(bag, recording, tmp_path):
     np.testing.assert_allclose(log.t_s, open_recording(recording).gps.t_s, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_truncated_bag_is_refused_in_a_line(bag, tmp_path):
     if bag.is_dir():
         pytest.skip("cut where the file is one")
@@ -94,6 +96,7 @@ def test_several_topics_of_images_need_a_name(recording, tmp_path, monkeypatch):
         open_recording(tmp_path / "two.mcap", image_topic="/right")
 
 
+@pytest.mark.slow
 def test_a_bag_without_what_is_asked_for_says_so(tmp_path):
     from mcap.writer import Writer
 

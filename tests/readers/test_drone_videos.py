@@ -11,6 +11,7 @@ from vgps.model import FixClass
 from vgps.readers.recording import open_recording
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*DIALECTS, "mavic_2_style"])
 def test_fixes_are_at_their_times_and_places(recording, tmp_path, name):
     opened, true = open_recording(write_drone_video(recording, tmp_path, name)), open_recording(recording).gps

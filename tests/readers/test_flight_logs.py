@@ -129,6 +129,7 @@ def test_sigmas_of_sbf(tmp_path):
     np.testing.assert_allclose(unknown.sigma_m[0], [0.02 / np.sqrt(2), 0.02 / np.sqrt(2), np.nan], atol=1e-6)
 
 
+@pytest.mark.slow
 @NOVATEL
 def test_novatel_in_ascii_and_binary(tmp_path):
     from novatel_edie import oem
@@ -201,6 +202,7 @@ def test_a_missing_library_names_its_extra(tmp_path, monkeypatch, made, extra):
         read(tmp_path, data)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @settings(max_examples=25)
 @given(st.data())

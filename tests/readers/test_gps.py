@@ -189,6 +189,7 @@ def test_an_absurd_number_is_skipped_or_refused(tmp_path_factory, name, data):
         assert np.abs(read.height_m).max() <= 1e8
 
 
+@pytest.mark.slow
 def test_real_logs_have_their_fixes_classes_and_places(data_dir):
     rig = Rig(video_start_utc=NOON)
     kitti = read_gps_log(data_dir / "kitti03/gps_float.nmea", rig)

@@ -167,6 +167,7 @@ def test_a_control_point_beyond_the_video_is_refused(folder):
         open_recording(folder)
 
 
+@pytest.mark.slow
 def test_real_recordings_open_with_their_logs(data_dir):
     names = [log.name for log in find_gps_logs(data_dir / "kitti03")]
     assert names == [f"gps_{kind}.nmea" for kind in ("fix", "float", "float_b", "late", "outliers")]

@@ -116,6 +116,7 @@ def test_a_damaged_file_is_an_error_or_harmless(
         file.write_bytes(whole)
 
 
+@pytest.mark.slow
 def test_arrays_that_do_not_fit_are_refused(solution: Solution, tmp_path: Path) -> None:
     seen = solution.observations
     far = dataclasses.replace(seen, landmark=np.array([0, 2, 0, 3]))
@@ -158,6 +159,7 @@ def rewritten(file: Path, change, compression=zipfile.ZIP_STORED) -> None:
             archive.writestr(name, content)
 
 
+@pytest.mark.slow
 def test_an_archive_that_unpacks_to_far_more_is_not_unpacked(solution: Solution, tmp_path: Path) -> None:
     write_run(solution, tmp_path / "run")
     file = tmp_path / "run/measurements.npz"

@@ -75,6 +75,7 @@ def pictures(html):
     return [base64.b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([^\"]+)", html)]
 
 
+@pytest.mark.slow
 def test_the_page_stands_alone_and_its_pictures_parse(html):
     assert not re.search(r"(src|href)=\"(?!data:)", html) and "<script" not in html
     assert [ET.fromstring(one).tag for one in pictures(html)] == ["{http://www.w3.org/2000/svg}svg"] * 2
@@ -87,6 +88,7 @@ def test_warnings_come_first_and_in_full(html, rich):
     assert "gave no warnings" not in html and "gave no warnings" in rich
 
 
+@pytest.mark.slow
 def test_verdicts_reasons_and_outages_are_shown(html):
     assert "&lt;b&gt;far&lt;/b&gt; &amp; wrong" in html  # texts of a run are never markup
     assert html.count(">because</td>") == 1
@@ -94,6 +96,7 @@ def test_verdicts_reasons_and_outages_are_shown(html):
     assert "no fix was used from 18.9 to 39.9 s" in html
 
 
+@pytest.mark.slow
 def test_cost_timings_sensors_and_configuration(html):
     assert "12 iterations; converged." in html and "<td>1,050</td><td>105</td>" in html
     assert "A: tracking" in html and "20.0 s" in html and "width: 66.7%" in html

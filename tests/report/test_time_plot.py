@@ -14,6 +14,7 @@ def test_fixes_are_plotted_at_their_time_stamps_less_the_time_offset(solution):
     np.testing.assert_allclose(rejected.get_xdata(), [3.05 - 0.125])
 
 
+@pytest.mark.slow
 def test_outages_and_bridged_frames_are_shaded_and_named_once(solution):
     all_axes = time_plot(solution).axes
     labels = [label for axes in all_axes for label in axes.get_legend_handles_labels()[1]]

@@ -35,6 +35,7 @@ def load(file: Path):
     return importlib.import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=NAMES)
 def test_help_says_what_a_script_is_for(file, monkeypatch, capsys):
     module = load(file)

@@ -75,6 +75,7 @@ def grows(path):
     bytearray(300 * 2**20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("read", "kind"),
     [

@@ -1,6 +1,7 @@
 """The long recording of ``benchmarks.long`` is the short one, forwards and backwards."""
 
 import numpy as np
+import pytest
 from synthetic_bundle import ANTENNA
 from synthetic_map import context, map_of, scene
 
@@ -14,6 +15,7 @@ from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch_problem import BatchInput
 
 
+@pytest.mark.slow
 def test_tracks_and_fixes_fit_the_repeated_path_as_they_fit_the_run(monkeypatch):
     monkeypatch.setattr(long, "_START_M", 0.0)
     problem, true, _, fixes = scene(disturbed=0.0)

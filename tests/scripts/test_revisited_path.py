@@ -24,6 +24,7 @@ def test_keyframes_are_close_in_turns_and_none_is_chosen_twice():
     np.testing.assert_array_equal(choose_keyframes(poses, 100), poses)
 
 
+@pytest.mark.slow
 def test_a_problem_has_its_size_loops_and_the_minimum_of_its_noise():
     problem, priors = simulate_problem(LAPS, SIZE)
     count = np.bincount(problem.landmark)

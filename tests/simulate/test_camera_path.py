@@ -74,6 +74,7 @@ def test_a_street_that_is_passed_again_is_the_same_street() -> None:
     assert np.linalg.norm(middle - camera[None, :, :2], axis=2).min() > 1.0
 
 
+@pytest.mark.slow
 def test_streets_look_alike_after_the_distance_that_is_asked_for() -> None:
     straight = np.tile(np.eye(4), (400, 1, 1))
     straight[:, 2, 3] = 0.5 * np.arange(400)
@@ -95,6 +96,7 @@ def test_speed_and_duration_are_those_of_the_poses(climb: float) -> None:
     assert path.speed_m_s == pytest.approx(5.0, rel=1e-3) and path.duration_s == pytest.approx(48.0)
 
 
+@pytest.mark.slow
 def test_parts_of_a_path_are_in_one_world() -> None:
     scene = replace(SCENES["drive"], texture_scale=0.05)
     poses = block_laps(2.0)

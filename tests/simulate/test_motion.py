@@ -29,6 +29,7 @@ def test_axes_by_hand() -> None:
     np.testing.assert_allclose(lifted[:3, 2], [np.sqrt(0.75), 0, 0.5], atol=1e-12)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-2.5, 2.5), min_size=15, max_size=15))
 def test_rates_are_the_derivative_of_the_rotation(angles: list[float]) -> None:
     values = np.concatenate([np.zeros((5, 3)), np.reshape(angles, (5, 3))], axis=1)

@@ -19,6 +19,7 @@ SPHERE = replace(SCENE, width=628, height=314, panorama_deg=360.0)
 CIRCLE = replace(SCENE, width=340, height=340, panorama_deg=195.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [SPHERE, CIRCLE], ids=["sphere", "circle"])
 def test_its_view_ahead_is_what_a_pinhole_shows(scene):
     motion = build_motion(scene, np.random.default_rng(0))
@@ -39,6 +40,7 @@ def test_its_view_ahead_is_what_a_pinhole_shows(scene):
         assert not wide[0, 0].any()  # outside the circle
 
 
+@pytest.mark.slow
 def test_the_files_are_those_of_a_recording(tmp_path):
     simulate(tmp_path / "walk", replace(SPHERE, width=128, height=64))
     text = (tmp_path / "walk" / "camera.yaml").read_text()

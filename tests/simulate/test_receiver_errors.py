@@ -40,6 +40,7 @@ def series(count: int, fix_class: FixClass = FLOAT, step_s: float = 1.0) -> Erro
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sigma", "time_s"), [(0.7, 8.0), (2.5, 40.0)])
 def test_a_process_is_recovered(sigma: float, time_s: float) -> None:
     error = gauss_markov(
@@ -51,6 +52,7 @@ def test_a_process_is_recovered(sigma: float, time_s: float) -> None:
         assert found.correlation_s == pytest.approx(time_s, rel=0.2)
 
 
+@pytest.mark.slow
 def test_gaps_and_other_intervals_do_not_matter() -> None:
     t = 0.2 * np.arange(100_000)
     error = gauss_markov(len(t), 0.2, FixErrors(sigma_h_m=1.0, sigma_v_m=1.0, correlation_s=5.0), rng())[:, 0]
@@ -59,6 +61,7 @@ def test_gaps_and_other_intervals_do_not_matter() -> None:
     assert found.sigma_m == pytest.approx(1.0, rel=0.1) and found.correlation_s == pytest.approx(5.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_relative_sigma_is_the_scatter_of_short_logs() -> None:
     model = FixErrors(sigma_h_m=1.0, sigma_v_m=1.0, correlation_s=20.0)
     fits = [
@@ -107,6 +110,7 @@ def test_unknown_sigmas_of_the_log_are_the_models() -> None:
     assert claimed == {FIX_ERRORS[FIX].reported_m, FIX_ERRORS[FLOAT].reported_m}
 
 
+@pytest.mark.slow
 def test_the_defaults_are_those_of_a_real_receiver(data_dir: Path) -> None:
     own = read_errors(data_dir / "survey/stationary.nmea").of_class(FLOAT)
     fits = [fit_gauss_markov(own.t_s, own.error_m[:, axis]) for axis in range(3)]

@@ -36,6 +36,7 @@ def gray_frames(folder: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
 
 
+@pytest.mark.slow
 def test_the_folder_holds_a_recording(folder: Path) -> None:
     assert {entry.name for entry in folder.iterdir()} == set(FILES)
     recording = open_recording(folder)
@@ -84,6 +85,7 @@ def test_an_imu_comes_with_its_mounting(folder: Path, tmp_path: Path) -> None:
     assert 0.0 < np.abs(biases[:, 1:4]).max() < 0.05 < np.abs(biases[:, 4:]).max() < 0.5
 
 
+@pytest.mark.slow
 def test_frames_come_at_exactly_the_times_of_the_truth(folder: Path) -> None:
     with av.open(folder / "video.mp4") as container:
         times = [float(frame.pts * frame.time_base) for frame in container.decode(video=0)]
@@ -91,6 +93,7 @@ def test_frames_come_at_exactly_the_times_of_the_truth(folder: Path) -> None:
     np.testing.assert_allclose(read_trajectory(folder / "truth.tum").t_s, times, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_tracked_corners_agree_with_the_truth(folder: Path) -> None:
     camera = yaml.safe_load((folder / "camera.yaml").read_text())
     K = np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
@@ -122,6 +125,7 @@ def reprojection_error(P: np.ndarray, uv: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum((seen[:, :2] / seen[:, 2:] - uv) ** 2, axis=1))))
 
 
+@pytest.mark.slow
 def test_fix_errors_are_logged(folder: Path) -> None:
     lines = (folder / "fix_errors.csv").read_text().splitlines()
     assert lines[0] == "t_s,fix_class,east_m,north_m,up_m,outlier"
@@ -174,6 +178,7 @@ def stop_at_second(_: Renderer, index: int) -> np.ndarray:
     return np.zeros((TINY.height, TINY.width, 3), np.uint8)
 
 
+@pytest.mark.slow
 def test_a_simulation_cut_short_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Renderer, "frame", stop_at_second)
     with pytest.raises(StopError):

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from vgps.simulate.ripmap import Ripmap
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     st.integers(16, 200),

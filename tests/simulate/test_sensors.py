@@ -46,6 +46,7 @@ def test_fixes_come_at_their_own_time() -> None:
     assert np.abs(phase - np.round(phase)).min() > 0.1
 
 
+@pytest.mark.slow
 def test_rtk_fix_at_both_ends_and_float_between() -> None:
     fixes, _ = sentences(WALK)
     fixed = [c is FixClass.RTK_FIX for c in fixes.fix_class]
@@ -95,6 +96,7 @@ def test_gauss_markov_has_its_sigma_and_its_memory() -> None:
         np.testing.assert_allclose(correlation, np.exp(-lag / 25.0), atol=0.05)
 
 
+@pytest.mark.slow
 def test_each_stretch_has_a_bias_of_its_own() -> None:
     still = FixErrors(sigma_h_m=0.0, sigma_v_m=0.0, correlation_s=25.0, bias_h_m=0.45, bias_v_m=1.2)
     bias = np.array([gauss_markov(3, 1.0, still, rng(k)) for k in range(3000)])
@@ -102,6 +104,7 @@ def test_each_stretch_has_a_bias_of_its_own() -> None:
     np.testing.assert_allclose(bias[:, 0].std(axis=0), [0.45, 0.45, 1.2], rtol=0.05)
 
 
+@pytest.mark.slow
 def test_float_errors_are_as_large_as_a_real_receivers(data_dir: Path) -> None:
     rows = []
     with (data_dir / "survey/stationary.nmea").open("rb") as stream:
@@ -139,6 +142,7 @@ def test_gyro_integrates_to_the_true_rotation() -> None:
     assert np.rad2deg((turned.inv() * (begin.inv() * end)).magnitude()) < 0.01
 
 
+@pytest.mark.slow
 def test_gyro_noise_and_bias_have_their_size() -> None:
     motion = build_motion(WALK, rng())
     gyro = GyroConfig(noise_rad_s=0.002, bias_rad_s=0.01, bias_walk_rad_s_sqrt_s=0.0)

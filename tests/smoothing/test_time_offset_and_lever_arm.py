@@ -45,6 +45,7 @@ def test_the_bordered_solver_ends_where_gtsam_does():
         np.testing.assert_allclose(ours.shared[key], theirs.shared[key], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_covariances_are_gtsams():
     problem, _ = scene()
     end = solve(problem, TIGHT).problem
@@ -56,6 +57,7 @@ def test_covariances_are_gtsams():
     np.testing.assert_allclose(ours.poses[20], marginals.marginalCovariance(X(20)), rtol=1e-4, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_time_offset_and_lever_arm_are_recovered_within_their_sigmas():
     problem, sensors = scene()
     end = solve(problem, TIGHT).problem
@@ -67,6 +69,7 @@ def test_time_offset_and_lever_arm_are_recovered_within_their_sigmas():
     assert antenna_sigma[1] > 0.49 and antenna_sigma[[0, 2]].max() < 0.4
 
 
+@pytest.mark.slow
 def test_held_sensors_are_not_changed():
     problem, sensors = scene(time_offset_prior_s=0.5, antenna_prior_m=0.0)
     found = sensors.moved(solve(problem, TIGHT).problem.shared)

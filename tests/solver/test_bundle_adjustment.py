@@ -89,6 +89,7 @@ def test_landmarks_are_solved_with_all_poses_held() -> None:
     assert total_cost(result.problem) < 0.1 * total_cost(problem)
 
 
+@pytest.mark.slow
 def test_landmarks_observed_once_or_never_do_not_matter() -> None:
     problem = one_view_each()
     assert np.any(views(problem) == 1)
@@ -101,6 +102,7 @@ def test_landmarks_observed_once_or_never_do_not_matter() -> None:
     np.testing.assert_array_equal(result.problem.world_p_landmark[unseen], problem.world_p_landmark[unseen])
 
 
+@pytest.mark.slow
 def test_landmarks_behind_the_camera_stay_and_the_rest_is_solved() -> None:
     problem, _ = drive()
     points = problem.world_p_landmark.copy()
@@ -175,6 +177,7 @@ def test_landmark_observed_twice_in_one_frame_is_refused() -> None:
         solve(twice)
 
 
+@pytest.mark.slow
 def test_problem_beyond_the_limits_goes_to_gtsam() -> None:
     problem, _ = drive(frames=12, landmarks=60)
     narrow = replace(TIGHT, max_flops=1e3)

@@ -75,6 +75,7 @@ def test_minimum_is_that_of_gtsam(case: str) -> None:
     assert result.error_after < (1.0 if case == "behind" else 0.5) * result.error_before
 
 
+@pytest.mark.slow
 def test_shuffled_keys_give_a_narrow_band() -> None:
     narrow = analyse_sparsity(read_graph(*graph_with_shuffled_keys(100)).problem).half_bandwidth
     by_time = analyse_sparsity(drive(frames=100, landmarks=600)[0]).half_bandwidth
@@ -99,6 +100,7 @@ def test_variables_outside_the_graph_and_the_start_stay() -> None:
     np.testing.assert_array_equal(found.values.atPoint3(L(9999)), [4.0, 5.0, 6.0])
 
 
+@pytest.mark.slow
 def test_time_offset_and_lever_arm_are_estimated_with_the_poses() -> None:
     problem, truth = drive(frames=24, landmarks=150)
     graph, values = to_graph(replace(problem, pose_graph=gtsam.NonlinearFactorGraph()))
@@ -181,6 +183,7 @@ def test_graph_without_projections_goes_to_gtsam() -> None:
     assert found.error_after < found.error_before
 
 
+@pytest.mark.slow
 def test_marginals_of_a_graph_that_is_no_bundle_problem_are_gtsams() -> None:
     graph, values = to_graph(small_problem())
     with_calibration(graph, values)
@@ -189,6 +192,7 @@ def test_marginals_of_a_graph_that_is_no_bundle_problem_are_gtsams() -> None:
     np.testing.assert_allclose(pose_marginals(graph, best)[X(7)], expected)
 
 
+@pytest.mark.slow
 def test_too_dense_graph_goes_to_gtsam_with_the_reason() -> None:
     graph, values = plain_graph()
     found = optimise_graph(graph, values, replace(TIGHT, max_flops=1e3))
@@ -206,6 +210,7 @@ def test_missing_value_and_infinite_error_are_refused() -> None:
         optimise_graph(graph, values)
 
 
+@pytest.mark.slow
 def test_iterations_and_reason_are_reported() -> None:
     graph, values = plain_graph()
     cut: GraphResult = optimise_graph(graph, values, SolverSettings(max_iterations=1))
@@ -232,6 +237,7 @@ def test_gtsam_eliminates_landmarks_before_lever_arms(monkeypatch) -> None:
     assert seen.index(False) == sum(seen) > 100 and B(0) in order
 
 
+@pytest.mark.slow
 def test_keys_beyond_63_bits_go_to_gtsam() -> None:
     graph, values = to_graph(small_problem())
     far = 2**63 + 5

@@ -9,6 +9,7 @@ from vgps.solver.integer_sets import distinct, numbered
 NUMBERS = st.lists(st.one_of(st.integers(-40, 40), st.integers(-(2**63), 2**63 - 1)), max_size=60)
 
 
+@pytest.mark.slow
 @given(NUMBERS)
 def test_the_integers_are_those_of_numpy(given_numbers: list[int]) -> None:
     numbers = np.array(given_numbers, dtype=np.int64)

@@ -100,6 +100,7 @@ def test_many_landmarks_are_refined_chunk_by_chunk_as_all_at_once(monkeypatch, m
     assert (by_chunk[0][~which] == away[~which]).all()
 
 
+@pytest.mark.slow
 def test_a_few_bad_landmarks_do_not_hold_back_the_poses():
     """Landmarks a hundred times too far along their rays: the linear model of their depth is useless."""
     problem, _ = drive(40, 400, seed=3, disturbed=0.5)

@@ -78,6 +78,7 @@ def test_two_cameras_recover_the_path(solver: str) -> None:
     assert path_error(end.problem.world_T_camera, truth) < 1e-6
 
 
+@pytest.mark.slow
 def test_gtsams_interface_never_takes_a_rig_for_one_camera() -> None:
     problem, _ = rig_drive(frames=9, landmarks=60)
     graph, values = to_graph(problem)

@@ -52,6 +52,7 @@ def test_minimum_and_covariances_are_those_of_the_whole(case: str) -> None:
             np.testing.assert_allclose(getattr(found, name)[key], block, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_what_gtsam_solves_has_no_submaps() -> None:
     problem = replace(drive(frames=160, landmarks=900)[0], submap_frames=52)
     found = solve(problem, SolverSettings(max_flops=0.0, max_iterations=1))

@@ -126,6 +126,7 @@ def test_changes_stay_within_stretches_and_skip_missing_epochs():
     assert find_changes(t_s, error, np.arange(5)) == []
 
 
+@pytest.mark.slow
 @given(CLASSES, st.sampled_from([0.1, 0.5, 1.0, 7.0]))
 @settings(deadline=None)
 def test_a_steady_drift_changes_as_its_time_says(classes, step_s):

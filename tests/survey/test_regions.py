@@ -17,6 +17,7 @@ def test_the_worst_of_each_is_dropped_on_its_own():
     assert outside(own, 1.0, 2.0) == 2
 
 
+@pytest.mark.slow
 @given(errors, st.floats(0, 0.9), st.floats(0.1, 10))
 def test_a_region_grows_with_its_errors_and_not_with_what_is_dropped(own, drop, scale):
     r_m, h_m = region(own, drop)
@@ -40,6 +41,7 @@ def test_the_ellipsoid_drops_as_asked_and_none_tried_is_smaller(own, dropped):
         assert found.alpha_m**2 * found.beta_m <= max(alpha, 1e-9) ** 3 * ratio * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_correlation_time_of_a_gauss_markov_process():
     """Its autocorrelation is exp(-|lag| / T), whose integral is 2 T."""
     rng, keep = np.random.default_rng(0), np.exp(-1 / 10)

@@ -42,6 +42,7 @@ def test_two_logs_are_one_survey_and_the_result_feeds_smooth(tmp_path):
     assert len(as_tables(found, options)) == 3
 
 
+@pytest.mark.slow
 def test_without_a_fix_the_truth_must_be_given(tmp_path):
     log = csv_log(tmp_path / "a.csv", np.ones((30, 3)), ["rtk_float"] * 30)
     with pytest.raises(GpsLogError, match="--truth"):

@@ -45,6 +45,7 @@ def test_views_are_posed_and_features_positioned_up_to_scale():
     np.testing.assert_array_equal(local_map.sigma_px[local_map.ids], CONFIG.tracking.inlier_px / 2)
 
 
+@pytest.mark.slow
 def test_views_of_a_rolling_shutter_start_a_map_at_the_true_poses():
     local_map, points, _ = views()
     camera = replace(CAMERA, readout_s=0.09)
@@ -82,6 +83,7 @@ def test_a_camera_that_only_turns_starts_no_map():
     assert initialise(local_map) is None
 
 
+@pytest.mark.slow
 def test_two_views_whose_halves_disagree_start_no_map(monkeypatch):
     """As wrong matches do while a camera turns on the spot, which show any direction."""
     local_map, _, _ = views()

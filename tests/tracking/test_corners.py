@@ -32,6 +32,7 @@ def test_harris_finds_the_corners_of_a_square():
     assert np.abs(uv[:, None] - [[40, 30], [89, 30], [40, 69], [89, 69]]).max(axis=2).min(axis=1).max() <= 2
 
 
+@pytest.mark.slow
 def test_maxima_are_those_of_their_neighbours_above_the_threshold_strongest_first(gray):
     uv, strength = harris_maxima(gray, TrackingConfig(harris_quality=0.01))
     response = cv2.cornerHarris(gray, 3, 3, 0.04)

@@ -52,6 +52,7 @@ def test_exact_observations_give_the_true_positions():
     np.testing.assert_array_equal(positions.sigma_px, 0.3)  # the floor
 
 
+@pytest.mark.slow
 def test_a_rolling_shutters_observations_give_the_true_positions():
     local_map, points = unpositioned()
     camera = replace(CAMERA, readout_s=0.9 * float(np.diff(local_map.t_s).min()))

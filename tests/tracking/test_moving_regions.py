@@ -63,6 +63,7 @@ def test_a_plate_that_moves_on_its_own_is_left_out(seed):
     assert held[on_plate].mean() > 0.8 and not local_map.positioned[held].any()
 
 
+@pytest.mark.slow
 def test_a_camera_that_stands_while_a_plate_goes_by_stands():
     order = [*range(12), *[12] * 10, *range(13, 18)]
     gray = images(COUNT)

@@ -124,6 +124,7 @@ def panned():
     return rotvecs, frames_of(rotations)
 
 
+@pytest.mark.slow
 def test_rotations_between_images(panned):
     rotvecs, frames = panned
     found = frame_rotations(
@@ -138,6 +139,7 @@ def test_rotations_between_images(panned):
     assert sigma.min() > 1e-6 and np.degrees(sigma.max()) < 0.05
 
 
+@pytest.mark.slow
 def test_frames_within_the_shortest_interval_are_skipped(panned):
     rotvecs, frames = panned
     found = frame_rotations(
@@ -149,6 +151,7 @@ def test_frames_within_the_shortest_interval_are_skipped(panned):
     assert np.degrees(np.abs(error_rad(found.start_R_end[0], both)).max()) < 0.05
 
 
+@pytest.mark.slow
 def test_a_rotation_beyond_the_search_of_a_matcher():
     """A sixth of the image's width from one frame to the next."""
     rotvec = [0.0, 0.2, 0.0]
@@ -158,6 +161,7 @@ def test_a_rotation_beyond_the_search_of_a_matcher():
     assert np.degrees(np.abs(error_rad(found.start_R_end[0], rotvec)).max()) < 0.1
 
 
+@pytest.mark.slow
 def test_black_frames_are_counted_as_missed(panned):
     _, frames = panned
     black = Frame(2, frames[2].t_s, np.zeros_like(frames[2].gray))

@@ -1,6 +1,7 @@
 """Whether halves of the features agree, by directions that are drawn, and which of two models fits better."""
 
 import numpy as np
+import pytest
 
 from vgps.tracking.start_significance import fits_better, shows_motion
 
@@ -17,6 +18,7 @@ def drawn(rng, count=1):
     return directions
 
 
+@pytest.mark.slow
 def test_directions_by_chance_are_seldom_significant():
     """The bound holds, for one direction of each half and for three."""
     for count in (1, 3):

@@ -47,6 +47,7 @@ def test_a_room_without_anything_static_is_left_whole():
     assert made.tracker.static.masked(frame) is frame
 
 
+@pytest.mark.slow
 def test_a_camera_that_stands_makes_nothing_static():
     order = [*range(12), *[12] * 10, *range(13, 18)]
     made = fed(Frame(i, i / FPS, images(COUNT)[k]) for i, k in enumerate(order))

@@ -28,6 +28,7 @@ def test_a_standing_camera_is_shown_from_nearby(solution: Solution) -> None:
     assert chase_scale_m(standing.trajectory) == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 @given(
     hnp.arrays(float, (6, 4), elements=st.floats(-1, 1)).filter(
         lambda q: np.linalg.norm(q, axis=1).min() > 0.1

@@ -1,12 +1,14 @@
 """Features, read back from a saved recording."""
 
 import numpy as np
+import pytest
 from reading_back import Logged
 
 from vgps.camera import distort
 from vgps.solution import Solution
 
 
+@pytest.mark.slow
 def test_features_are_where_the_video_shows_them_and_coloured_by_their_error(
     logged: Logged, solution: Solution
 ) -> None:
@@ -20,6 +22,7 @@ def test_features_are_where_the_video_shows_them_and_coloured_by_their_error(
     assert all(tint >> 8 == 0x3CDC5A for tint in tints[1])
 
 
+@pytest.mark.slow
 def test_residual_lines_are_ten_times_as_long(logged: Logged) -> None:
     lines = logged.rows("/world/camera/image/residuals_x10", "LineStrips2D:strips")
     lengths = [np.linalg.norm(np.subtract(end, begin)) for begin, end in lines[0]]
@@ -27,6 +30,7 @@ def test_residual_lines_are_ten_times_as_long(logged: Logged) -> None:
     assert sorted(np.round(lengths, 1))[:2] == [0.0, 0.0] and 9.0 < max(lengths) < 11.0
 
 
+@pytest.mark.slow
 def test_what_never_moves_is_framed_while_it_is_left_out(logged: Logged) -> None:
     entity = "/world/camera/image/static_regions"
     assert [len(boxes) for boxes in logged.rows(entity, "Boxes2D:centers")] == [1, 2, 1]  # frames 1, 2, 4

@@ -4,6 +4,7 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from vgps.solution import Landmarks, Observations, Solution
 from vgps.viewer import colours
@@ -66,6 +67,7 @@ def test_a_time_offset_does_not_change_the_graph(solution: Solution, late: Solut
         np.testing.assert_allclose(moved.position, node.position, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_long_run_is_split_into_sections_with_connected_poses(solution: Solution) -> None:
     run = long_run(solution, frames=2500, track=30)
     graphs = sample_graphs(run, reproject(run))

@@ -35,6 +35,7 @@ def test_cylinders_have_their_true_size_and_the_colour_of_their_verdict(
     assert logged.rows(f"{FIXES}/{group}", "Points3D:colors") == [[packed(colour)]]
 
 
+@pytest.mark.slow
 def test_the_label_of_a_fix_states_its_class_and_verdict(logged: Logged) -> None:
     (labels,) = logged.rows(f"{FIXES}/rtk_fix/rejected", "Points3D:labels")
     assert labels == ["fix 3 (line 12) at 0.33 s: rtk_fix, rejected"]

@@ -50,6 +50,7 @@ def frames(true_run, tmp_path_factory):
     return run, out
 
 
+@pytest.mark.slow
 def test_extracted_frames_have_position_accuracy_heading_and_time(frames):
     run, out = frames
     names = sorted(file.name for file in out.glob("*.jpg"))
@@ -76,6 +77,7 @@ def test_extracted_frames_have_position_accuracy_heading_and_time(frames):
     assert "height above the geoid EGM96" in (out / "georeference.txt").read_text()
 
 
+@pytest.mark.slow
 def test_xmp_has_datum_accuracy_and_angles(frames):
     run, out = frames
     file = sorted(out.glob("*.jpg"))[1]
@@ -98,6 +100,7 @@ def test_a_picture_straight_down_with_its_top_to_the_north_has_no_angles():
     assert pix4d_angles_deg(down) == pytest.approx((0, 0, 0))
 
 
+@pytest.mark.slow
 def test_an_image_folder_keeps_pixels_and_other_metadata(tmp_path, data_dir):
     folder = tmp_path / "stills"
     folder.mkdir()

@@ -46,6 +46,7 @@ def test_with_a_geoid_heights_are_above_it_and_say_so(timed, tmp_path):
     assert gpx.description == "ele: height above a geoid 47.9 m above the ellipsoid."
 
 
+@pytest.mark.slow
 def test_reading_back_restores_the_ellipsoidal_height_with_and_without_geoid(timed, tmp_path):
     heights = []
     for geoid in (None, "47.9", "egm96"):

@@ -94,6 +94,7 @@ def test_las_by_laspy(near, tmp_path, name):
     assert crs.is_compound and [part.to_epsg() for part in crs.sub_crs_list] == [32632, 5773]
 
 
+@pytest.mark.slow
 def test_geopackage_by_gdal(near, tmp_path):
     pyogrio = pytest.importorskip("pyogrio")
     file = exported(near, tmp_path, "gpkg", "a.gpkg", crs="EPSG:32632")
@@ -116,6 +117,7 @@ def test_geopackage_by_gdal(near, tmp_path):
     assert all("height above the WGS 84 ellipsoid" in one for (one,) in described)
 
 
+@pytest.mark.slow
 def test_geopackage_in_a_system_without_a_code(near, tmp_path):
     pyogrio = pytest.importorskip("pyogrio")
     own = "+proj=tmerc +lat_0=49 +lon_0=8.4 +datum=WGS84 +units=m"

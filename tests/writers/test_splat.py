@@ -22,6 +22,7 @@ def scene(true_run, tmp_path_factory):
     return exported(true_run, folder, "splat", "scene", choice=choice, crs="EPSG:32653")
 
 
+@pytest.mark.slow
 def test_the_scene_lies_near_its_origin_and_says_where_that_is(scene, true_run):
     about = json.loads((scene / "georeference.json").read_text())
     cameras = json.loads((scene / "transforms.json").read_text())["frames"]
@@ -40,6 +41,7 @@ def test_the_scene_lies_near_its_origin_and_says_where_that_is(scene, true_run):
     ]
 
 
+@pytest.mark.slow
 def test_colmap_reads_the_model(scene):
     pycolmap = pytest.importorskip("pycolmap")
     model = pycolmap.Reconstruction(scene / "sparse/0")
@@ -51,6 +53,7 @@ def test_colmap_reads_the_model(scene):
         assert picture.size == (camera.width, camera.height)
 
 
+@pytest.mark.slow
 def test_nerfstudio_s_parser_reads_the_model(scene):
     parser = pytest.importorskip("nerfstudio.data.utils.colmap_parsing_utils", exc_type=ImportError)
     images = parser.read_images_text(scene / "sparse/0/images.txt")
@@ -59,6 +62,7 @@ def test_nerfstudio_s_parser_reads_the_model(scene):
     assert cameras[1].model == "PINHOLE"
 
 
+@pytest.mark.slow
 def test_observations_are_those_of_the_undistorted_images(tmp_path):
     """Landmarks of a distorting lens reproject within the noise into the pinhole images of the scene."""
     pycolmap = pytest.importorskip("pycolmap")

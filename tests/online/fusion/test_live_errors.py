@@ -124,6 +124,7 @@ def test_the_size_of_offsets_shows_where_fixes_on_both_sides_determine_them():
         assert large > 1.5 * prior
 
 
+@pytest.mark.slow
 def test_a_size_settles_instead_of_overshooting_with_every_fit():
     kinds, wrong = stretches(0.05, 0)
     drive, last, found = DrivingCamera(FRAMES), None, []

@@ -72,6 +72,7 @@ def test_a_fix_counts_with_the_frame_that_it_comes_with():
     assert min(between) > 0.1 * max(at_fixes)
 
 
+@pytest.mark.slow
 def test_an_antenna_of_which_nobody_knows_where_it_is_makes_positions_as_uncertain():
     """That of an RTK receiver is not the camera's: 1 m on each axis."""
     known, unknown = Pipeline(), Pipeline(antenna_known=False)
@@ -83,6 +84,7 @@ def test_an_antenna_of_which_nobody_knows_where_it_is_makes_positions_as_uncerta
         np.testing.assert_array_equal(other.rotation_rad, one.rotation_rad)
 
 
+@pytest.mark.slow
 def test_the_pose_stays_where_it_was_when_stage_c_changes_the_map():
     pipeline = Pipeline()
     for _ in range(107):
@@ -100,6 +102,7 @@ class Late(Future):
         raise AssertionError("a live pose waited for it")
 
 
+@pytest.mark.slow
 def test_a_live_pose_does_not_wait_for_a_fit():
     pipeline = Pipeline(config=Config(online={"repeatable": False}))
     while pipeline.fusion.to_world(pipeline.current) is None:
@@ -124,6 +127,7 @@ def test_nor_for_the_first_one(monkeypatch):
     assert pipeline.fusion.to_world(pipeline.current) is None
 
 
+@pytest.mark.slow
 def test_a_path_seen_by_a_refined_camera_is_fitted_before_the_next_pose():
     pipeline = Pipeline()
     while not (pipeline.frame() and len(pipeline.t_s) > 100):

@@ -108,6 +108,7 @@ def test_clocks_that_agree_are_left_alone():
     assert fits[0].time_offset.sigma_s == fits[-1].time_offset.time_offset_s == 0.0
 
 
+@pytest.mark.slow
 def test_a_wrong_scale_and_heading_are_found_with_the_uncertainty_stated_before():
     drive, path = DrivingCamera(300), DrivingCamera(300).seen()
     turned = path.poses.copy()
@@ -179,6 +180,7 @@ def test_what_has_left_the_path_stays_as_a_prior():
     np.testing.assert_allclose(np.sqrt(np.diag(short.covariance))[:3], sigma, rtol=0.3)
 
 
+@pytest.mark.slow
 def test_poses_between_nodes_are_those_of_the_nodes_where_the_video_is_exact():
     drive = DrivingCamera(200)
     fits, _ = live(drive, drive.seen(), drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3))))

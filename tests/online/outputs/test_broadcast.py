@@ -35,6 +35,7 @@ def received(connection, server, data):
     return until(more)
 
 
+@pytest.mark.slow
 def test_everyone_who_is_connected_gets_the_same(tcp):
     with client(tcp) as first, client(tcp) as second:
         assert received(first, tcp, b"$A\r\n") and received(second, tcp, b"$A\r\n")
@@ -59,6 +60,7 @@ def test_a_client_that_does_not_read_is_cut_off_and_the_others_are_served(tcp):
         assert received(awake, tcp, b"$B\r\n")
 
 
+@pytest.mark.slow
 def test_closing_sends_what_is_left_and_frees_the_port():
     server = TcpBroadcast("tcp://127.0.0.1:0")
     with client(server) as connection:

@@ -78,6 +78,7 @@ class Watching(PoseOutput):
         self.given.append(("closed", None))
 
 
+@pytest.mark.slow
 def test_a_view_sees_every_frame_after_its_pose_and_is_closed(data_dir):
     view, lines = Watching(), io.StringIO()
     options = OnlineOptions(config=vgps.Config(), gps="gps_fix.nmea", open_view=lambda: view)

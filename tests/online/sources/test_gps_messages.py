@@ -94,6 +94,7 @@ def test_without_a_date_only_the_time_of_day_is_known():
     assert found[0].clock is Clock.TIME_OF_DAY and found[0].fix.t_s == 86399.0
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(st.lists(st.tuples(st.integers(0, 5), st.binary(max_size=30)), max_size=6))
 def test_noise_between_sentences_costs_no_fix_before_it_and_never_an_error(noise):
@@ -105,6 +106,7 @@ def test_noise_between_sentences_costs_no_fix_before_it_and_never_an_error(noise
     )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(st.binary(max_size=200), st.integers(0, len(LOG)))
 def test_any_bytes_are_survived(data, cut):
@@ -112,6 +114,7 @@ def test_any_bytes_are_survived(data, cut):
         assert np.isfinite(fix.fix.t_s)
 
 
+@pytest.mark.slow
 def test_a_mixed_ubx_log_gives_what_the_log_reader_gives(data_dir):
     data = (data_dir / "rtk_walk/gnss.ubx").read_bytes()
     found, log = [fix.fix for fix in fixes_in(data)], read_ubx(data)

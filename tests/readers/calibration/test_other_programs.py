@@ -184,6 +184,7 @@ def test_what_is_exported_to_colmap_reads_back(read, camera):
     np.testing.assert_allclose(back.distortion, camera.distortion, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "parameters"), COLMAP_CAMERAS)
 @pytest.mark.parametrize("oracle", ["documented equations", "pycolmap"])
 def test_colmaps_lens_models_project_as_colmap_does(read, name, parameters, oracle):

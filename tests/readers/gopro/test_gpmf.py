@@ -41,6 +41,7 @@ def test_what_is_encoded_comes_back(content):
         np.testing.assert_array_equal(numbers(e), rows)
 
 
+@pytest.mark.slow
 @given(st.text("bBsSlLjJ", min_size=1, max_size=6), st.integers(1, 4), st.data())
 def test_structures_of_several_types_come_back(types, count, data):
     row = st.tuples(*(st.integers(0, 2 ** min(7, LIMITS[letter]) - 1) for letter in types))
@@ -49,6 +50,7 @@ def test_structures_of_several_types_come_back(types, count, data):
     np.testing.assert_array_equal(numbers(found, types), rows)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(width=32, allow_nan=False), min_size=1, max_size=6))
 def test_floats_come_back(row):
     (found,) = parse(encode("MTRX", "f", [row]))
@@ -67,6 +69,7 @@ def test_any_bytes_are_read_or_refused(data):
     assert collect(Path("v.mp4"), [Packet(data, 0.0, 1.0)]).damaged <= 1
 
 
+@pytest.mark.slow
 @given(tables(), st.integers(0, 200))
 def test_a_truncated_payload_is_refused_or_ends(table, cut):
     data = nest("STRM", encode("STMP", "J", [[1]]), encode("GYRO", *table))

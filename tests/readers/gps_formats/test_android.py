@@ -60,6 +60,7 @@ def test_only_a_header_with_its_lines_is_such_a_log():
     assert not looks_like_android(b"Fix,lat,lon\nFix,1,2\n")
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(0, len(NEW)), st.text(max_size=20)), max_size=4))
 def test_any_damage_is_survived(damage: list[tuple[int, str]]):
     text = NEW

@@ -52,6 +52,7 @@ def test_damaged_rows_are_counted():
     assert raw.notes == ["2 damaged or truncated lines skipped, first line 5"] and len(raw.fixes) == 1
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(0, 800), st.text(max_size=12)), max_size=4))
 def test_any_damage_is_survived(damage: list[tuple[int, str]]):
     text = HEAD + ROW

@@ -132,6 +132,7 @@ def test_short_rows_and_rows_without_time_are_counted(tmp_path):
     ]
 
 
+@pytest.mark.slow
 @given(st.text(max_size=200))
 def test_no_text_breaks_the_reader(tmp_path_factory, text):
     folder = tmp_path_factory.getbasetemp()

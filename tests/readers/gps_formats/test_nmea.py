@@ -279,11 +279,13 @@ def test_a_place_that_is_cut_off_is_damage_even_without_checksums():
     assert len(log.fixes) == 1 and "1 damaged or truncated line skipped, first line 2" in log.notes
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=300))
 def test_no_garbage_breaks_the_reader(data):
     assert read_nmea(data + b"\n" + gga("120000").encode()).fixes
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.integers(0, 2000), st.integers(0, 255)), max_size=12),
     st.integers(0, 2000),
@@ -305,6 +307,7 @@ def test_damage_never_yields_a_wrong_fix(changes, length):
             assert fix.latitude_deg == pytest.approx(49.011, abs=1e-6)
 
 
+@pytest.mark.slow
 @given(st.text(alphabet="0123456789.,-+eENSWanif*", max_size=90))
 def test_any_fields_under_a_right_checksum_are_survived(fields):
     read(

@@ -221,6 +221,7 @@ def test_heights_above_the_geoid_are_noted():
     assert "heights are above the sea: EGM96's -16.2 m were added" in log.notes[0]
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.integers(0, 900), st.characters(max_codepoint=127)), max_size=6),
     st.integers(0, 1500),
@@ -268,6 +269,7 @@ def test_correlations_of_a_real_drive(data_dir):
     assert (np.abs([fix.correlation for fix in fixes]) < 1.0).all()
 
 
+@pytest.mark.slow
 def test_calendar_and_week_time_of_one_drive_agree(data_dir):
     times = [
         [fix.t_s for fix in read_pos((data_dir / "rtk_drive" / name).read_bytes(), Path(name)).fixes]

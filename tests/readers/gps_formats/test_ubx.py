@@ -87,6 +87,7 @@ def test_ubx_without_positions_is_refused(tmp_path):
         read_gps_log(log(tmp_path, other * 50))
 
 
+@pytest.mark.slow
 def test_the_real_walk_is_the_same_in_three_formats(data_dir, tmp_path):
     walk = data_dir / "rtk_walk"
     ubx, pos = read_gps_log(walk / "gnss.ubx"), read_gps_log(walk / "gnss.pos")
@@ -201,6 +202,7 @@ def test_damage_is_counted(tmp_path):
     assert read_gps_log(log(tmp_path, pvt() + bytes(damaged))).skipped == ("1 damaged message skipped",)
 
 
+@pytest.mark.slow
 @given(st.lists(st.binary(max_size=40), max_size=6), st.integers(1, 4))
 def test_what_stands_between_the_messages_does_not_matter(between, count):
     messages = [pvt(second=second) for second in range(count)]

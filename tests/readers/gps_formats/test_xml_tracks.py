@@ -60,6 +60,7 @@ def test_damaged_xml_is_refused_in_one_line(text: str):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.sampled_from([TCX, KML]), st.lists(st.tuples(st.integers(0, 900), st.text(max_size=9)), max_size=3))
 def test_any_damage_is_survived(text: str, damage: list[tuple[int, str]]):

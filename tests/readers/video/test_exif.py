@@ -40,6 +40,7 @@ def pictures(recording, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_what_is_written_comes_back(pictures, recording):
     found, true = open_recording(pictures / "walk"), open_recording(recording)
     np.testing.assert_allclose(found.video.times_s, true.video.times_s, atol=2e-6)
@@ -47,6 +48,7 @@ def test_what_is_written_comes_back(pictures, recording):
     assert found.gps.t_s[0] == 0.0 and found.gps.sigma_m[0, 0] == pytest.approx(0.01, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_exif_of_a_picture_is_read_once(pictures, monkeypatch):
     opened = []
 
@@ -89,6 +91,7 @@ def test_pictures_without_times_are_refused(tmp_path):
         picture_times(tmp_path, [read_taken(file) for file in files])
 
 
+@pytest.mark.slow
 def test_dji_s_rtk_is_in_its_xmp(tmp_path, pictures):
     (first, *_) = sorted((pictures / "walk").glob("*.jpg"))
     values = {"RtkFlag": 50, "RtkStdLon": 0.011, "RtkStdLat": 0.012, "RtkStdHgt": 0.03}

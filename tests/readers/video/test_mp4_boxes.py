@@ -4,6 +4,7 @@ import struct
 import tempfile
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -53,6 +54,7 @@ def test_a_large_box_has_its_size_behind_its_name(tmp_path):
     assert read_box(file, "moov", "udta", "GPMF") == b"settings"
 
 
+@pytest.mark.slow
 @given(place=st.integers(0, len(FILE) - 1), byte=st.integers(0, 255), end=st.integers(0, len(FILE)))
 def test_damage_never_raises(place, byte, end):
     damaged = bytearray(FILE[:end])

@@ -227,6 +227,7 @@ def test_what_is_written_comes_back(places):
     np.testing.assert_allclose(got, expected, atol=1e-9)
 
 
+@pytest.mark.slow
 @given(st.text(max_size=300))
 def test_any_text_is_read_or_refused(text):
     try:

@@ -88,6 +88,7 @@ def test_an_attached_path_keeps_its_start(fixes):
     assert off[0] < 0.01 and off.mean() < 0.2 * before.mean()
 
 
+@pytest.mark.slow
 def test_frames_before_the_horizon_are_not_changed():
     problem, true, t_s, fixes = scene(60, disturbed=0.0)
     local_map = map_of(problem, 0, 59)

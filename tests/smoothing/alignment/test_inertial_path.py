@@ -78,6 +78,7 @@ def test_frames_that_the_imu_does_not_cover_continue_the_path():
     np.testing.assert_allclose(*turns, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_fixes_with_another_clock_than_the_imu_give_no_path_as_few_knots_show(monkeypatch):
     knots = []
 

@@ -189,6 +189,7 @@ def test_what_nothing_determines_is_unknown():
     assert str(AlignmentSigmas(1.5, 3.0, 0.1)) == "scale unknown, heading unknown, tilt 6 degrees"
 
 
+@pytest.mark.slow
 def test_leaving_out_a_part_shows_what_hangs_on_an_outlier():
     """During a stop a single outlier would give scale and heading."""
     world = drive(0.0, 20)

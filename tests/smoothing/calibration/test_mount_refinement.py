@@ -80,6 +80,7 @@ def test_a_camera_that_was_measured_badly_returns_to_its_place(seed: int) -> Non
     assert note.startswith("the pose of camera rear on the rig was refined by ")
 
 
+@pytest.mark.slow
 def test_further_rounds_pull_no_farther_from_a_place_that_was_measured_well() -> None:
     given = (rear(retracted(REAR, OFF), 0.002, 0.005),)
     first, second = (one.reference_T_camera for (one,) in refined(given, rounds=2))

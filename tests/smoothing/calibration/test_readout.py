@@ -35,6 +35,7 @@ def test_rows_lie_in_the_distorted_picture() -> None:
     np.testing.assert_allclose(row_shares(turned, across), [-0.5, 0.0, 0.5], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_readout_is_found_from_a_global_shutter_and_from_itself() -> None:
     problem, _ = rolling_drive()
     rigid = optimum(replace(problem, row_times=None))
@@ -47,6 +48,7 @@ def test_the_readout_is_found_from_a_global_shutter_and_from_itself() -> None:
     assert uncertain.sigma_s > 2 * found.sigma_s and uncertain.readout_s == found.readout_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rolls", [True, False])
 def test_the_readout_of_many_chunks_is_that_of_one(rolls: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, _ = rolling_drive()
@@ -84,6 +86,7 @@ def test_a_given_readout_is_contradicted_by_what_cannot_be_chance() -> None:
     assert not Readout(0.05, 1e-3, 0.033).contradicts(0.0, 5.0)  # longer than a frame
 
 
+@pytest.mark.slow
 def test_a_global_shutter_is_not_taken_for_a_rolling_one() -> None:
     problem, _ = rolling_drive(readout_s=1e-9)
     found = estimate_readout(optimum(replace(problem, row_times=None)), T_S, CAMERA, NO_SIGMA)

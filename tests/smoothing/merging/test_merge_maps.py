@@ -2,6 +2,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from synthetic_bundle import ANTENNA
 from synthetic_map import away, context, map_of, moved, scene
 
@@ -56,6 +57,7 @@ def test_an_unaligned_map_is_aligned_with_its_fixes():
     assert away(found.scene.poses[32:], true[32:]) < 0.3
 
 
+@pytest.mark.slow
 def test_an_unaligned_map_is_aligned_by_the_corrected_clock_of_its_fixes():
     maps, _, t_s, fixes = two_maps((True, False))
     late = replace(fixes, t_s=fixes.t_s + 0.5)
@@ -71,6 +73,7 @@ def test_a_map_without_fixes_continues_its_neighbour_with_a_warning():
     assert "too few fixes to align" in found.warnings[0]
 
 
+@pytest.mark.slow
 def test_fixes_that_do_not_determine_the_scale_align_with_a_warning():
     """Two single fixes on a path straight up, which has no heading."""
     maps, true, t_s, fixes = two_maps((False, False))
@@ -100,6 +103,7 @@ def test_a_standing_frame_before_the_start_has_the_pose_of_its_view():
     np.testing.assert_allclose(found.scene.poses[1], found.scene.poses[0])
 
 
+@pytest.mark.slow
 def test_drift_that_fixes_contradict_is_corrected():
     maps, true, t_s, fixes = two_maps()
     for made in maps:

@@ -172,5 +172,6 @@ def test_a_drone_that_flies_sideways_is_held_by_the_land_and_not_by_the_prior_of
     assert pitch_error_deg("no", rounds=3) > 10.0
 
 
+@pytest.mark.slow
 def test_the_first_round_has_the_land_under_a_drone():
     assert pitch_error_deg("yes", rounds=1) < 1.0

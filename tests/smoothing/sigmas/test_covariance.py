@@ -66,6 +66,7 @@ def nees(problem, poses, covariance):
     return np.mean(error**2 / np.diagonal(covariance[:, 3:, 3:], axis1=1, axis2=2))
 
 
+@pytest.mark.slow
 def test_independent_errors_give_the_marginals():
     problem, _, sources = optimum()
     drawn = drawn_covariances(problem, sources, draws=2000, seed=1).poses
@@ -75,6 +76,7 @@ def test_independent_errors_give_the_marginals():
     assert ratio.min() > 0.7 and ratio.max() < 1.4
 
 
+@pytest.mark.slow
 def test_submaps_draw_a_few_at_a_time(monkeypatch):
     problem, _, sources = optimum(frames=160)
     cut = replace(problem, submap_frames=60)
@@ -124,6 +126,7 @@ def test_undetermined_poses_are_refused():
         drawn_covariances(loose, empty, 10, 0)
 
 
+@pytest.mark.slow
 def test_independent_errors_give_the_marginals_of_states():
     """An offset every five frames, all fixes with an offset; the walk is linear."""
     problem, poses, sources = optimum()

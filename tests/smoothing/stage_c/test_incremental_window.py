@@ -94,6 +94,7 @@ def test_older_frames_leave_the_window_and_stay():
     assert away(local_map.poses[35:], true[35:]) < 0.1 and continues(engine, local_map)
 
 
+@pytest.mark.slow
 def test_features_without_parallax_follow_the_frames_that_saw_them_last(monkeypatch):
     problem, _, t_s, fixes = tracked_scene()
     monkeypatch.setattr(window_factors, "_MIN_PARALLAX_RAD", np.radians(8.0))
@@ -113,6 +114,7 @@ def test_features_without_parallax_follow_the_frames_that_saw_them_last(monkeypa
         np.testing.assert_allclose((after.points[k] - new[:3, 3]) @ new[:3, :3], in_camera, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_map_that_something_else_moved_is_taken_up_anew():
     problem, _, t_s, fixes = tracked_scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:3])
@@ -160,6 +162,7 @@ def test_a_frame_that_nothing_ties_is_left_to_the_other_solver():
     assert engine.failures == 0
 
 
+@pytest.mark.slow
 def test_rolling_shutters_are_left_to_the_other_solver():
     problem, _, _, fixes = tracked_scene()
     rolling = replace(context(SHORT), camera=replace(CAMERA, readout_s=0.02))

@@ -22,6 +22,7 @@ def optimised(local_map, fixes):
     return local_map.poses
 
 
+@pytest.mark.slow
 def test_the_window_approaches_the_truth_and_older_frames_are_unchanged():
     problem, true, _, fixes = scene(disturbed=2.0)
     start = problem.world_T_camera.copy()
@@ -32,6 +33,7 @@ def test_the_window_approaches_the_truth_and_older_frames_are_unchanged():
     assert away(poses[40:], true[40:]) < 0.3 * away(start[40:], true[40:])
 
 
+@pytest.mark.slow
 def test_a_map_that_begins_in_the_window_is_held_by_its_fixes():
     problem, true, _, fixes = scene(frames=20, disturbed=2.0)
     made = map_of(problem, 0, 19)
@@ -39,6 +41,7 @@ def test_a_map_that_begins_in_the_window_is_held_by_its_fixes():
     assert away(optimised(made, fixes), true) < 0.6 * before
 
 
+@pytest.mark.slow
 def test_an_unaligned_map_keeps_its_scale():
     problem, true, _, fixes = scene(frames=20)
     made = map_of(problem, 0, 19, aligned=False)

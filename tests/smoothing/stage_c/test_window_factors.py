@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import gtsam
 import numpy as np
+import pytest
 from gtsam.symbol_shorthand import L, X
 from synthetic_map import context, map_of, scene
 
@@ -73,6 +74,7 @@ def test_a_point_enters_with_a_prior_once_its_rays_differ_by_a_degree():
             assert (int(window.feature[row]) in entered) == (angle > 1.0)
 
 
+@pytest.mark.slow
 def test_a_projection_that_no_longer_agrees_leaves():
     window, graph = first_window(), empty()
     change = projection_change(window, graph, CONTEXT)

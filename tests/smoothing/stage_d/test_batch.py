@@ -23,6 +23,7 @@ def whole(disturbed=0.5, seed=0):
     return made, true, fixes
 
 
+@pytest.mark.slow
 def test_poses_and_points_approach_the_truth_with_sigmas_and_costs():
     made, true, fixes = whole()
     found = optimise_batch(made, fixes, SENSORS, context(CONFIG))
@@ -75,6 +76,7 @@ def test_an_outlier_is_rejected_and_a_wrongly_rejected_fix_is_used_again():
     assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
+@pytest.mark.slow
 def test_without_fixes_two_held_frames_define_the_world():
     made, true, fixes = whole(disturbed=0.2)
     start = made.poses.copy()

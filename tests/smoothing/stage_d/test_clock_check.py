@@ -211,6 +211,7 @@ def test_what_displacements_showed_is_improved():
     assert found.sensors.prior_time_offset == TimeOffset(0.25, 0.05)
 
 
+@pytest.mark.slow
 def test_coarse_fixes_do_not_improve_what_their_displacements_showed():
     shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
     found, _ = result(0.2, shown, told=FixClass.RTK_FLOAT)

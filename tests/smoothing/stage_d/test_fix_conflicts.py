@@ -104,6 +104,7 @@ def test_frames_before_and_after_the_fixes_hang_on_them_too():
     assert conflict.frames == (0, 59) and np.all(sigmas(found) > 0.6 * np.linalg.norm(SHIFT))
 
 
+@pytest.mark.slow
 def test_frames_hang_on_the_stretch_of_fixes_around_them():
     fixes = log(*range(9, 12))
     found, _ = result(fixes.where(np.r_[0:4, 7:15]), gps={"memory": {"max_gap_s": 1.0}})
@@ -111,6 +112,7 @@ def test_frames_hang_on_the_stretch_of_fixes_around_them():
     assert conflict.frames == (12, 59)  # from the last fix before the gap on
 
 
+@pytest.mark.slow
 def test_windows_find_a_run_that_is_longer_than_they_are(monkeypatch):
     monkeypatch.setattr(fix_conflicts, "_WINDOW", 8)
     found, error = result(log(*range(4, 10)))
@@ -187,6 +189,7 @@ def test_what_the_path_may_err_by_is_no_error_of_fixes():
     assert result(log(5, 6, 7, 8), gps={"memory": {"path_share": 0.5}})[0].conflicts == ()
 
 
+@pytest.mark.slow
 def test_coarse_fixes_are_not_compared():
     fixes = log(5, 6, 7, 8)
     coarse = replace(fixes, fix_class=np.full(len(fixes), CLASSES.index(FixClass.SINGLE)))

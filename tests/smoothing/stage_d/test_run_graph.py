@@ -270,6 +270,7 @@ def test_gtsam_ends_at_the_fast_engines_minimum_on_a_real_drive_with_an_imu(data
     assert max(moved_m) < 0.01
 
 
+@pytest.mark.slow
 def test_a_graph_from_before_correlations_has_none(run):
     solution = read_run(run)
     older = {name: array for name, array in solution.graph.items() if name != "fixes.correlation"}
@@ -277,6 +278,7 @@ def test_a_graph_from_before_correlations_has_none(run):
     assert values.size() == vgps.factor_graph(solution)[1].size()
 
 
+@pytest.mark.slow
 def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):
     solution = replace(read_run(run), graph=None)
     write_run(solution, tmp_path / "run")
@@ -286,6 +288,7 @@ def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):
         vgps.factor_graph(solution)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [

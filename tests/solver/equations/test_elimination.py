@@ -74,6 +74,7 @@ def test_minimum_of_two_laps_is_that_of_gtsam(blocks: None) -> None:
     assert total_cost(result.problem) < 0.1 * total_cost(problem)
 
 
+@pytest.mark.slow
 def test_blocks_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = two_laps()
     force_band(monkeypatch)
@@ -87,6 +88,7 @@ def test_blocks_and_band_take_the_same_steps(monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_allclose(in_blocks.problem.world_p_landmark, band.problem.world_p_landmark, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_result_in_blocks_does_not_depend_on_the_number_of_threads(
     blocks: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +116,7 @@ def test_held_frames_and_robust_losses_in_blocks(blocks: None) -> None:
     np.testing.assert_array_equal(result.problem.world_T_camera[held], problem.world_T_camera[held])
 
 
+@pytest.mark.slow
 def test_covariances_in_blocks_equal_gtsams_marginals(blocks: None) -> None:
     problem = solve(two_laps(), TIGHT).problem
     assert analyse_sparsity(problem).blocks is not None
@@ -124,6 +127,7 @@ def test_covariances_in_blocks_equal_gtsams_marginals(blocks: None) -> None:
     np.testing.assert_allclose((found - expected) / size[:, :, None] / size[:, None, :], 0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_graph_interface_uses_blocks(blocks: None) -> None:
     problem = two_laps()
     found = optimise_graph(*to_graph(problem), TIGHT)

@@ -63,10 +63,12 @@ def test_the_reduced_system_equals_that_of_gtsam(held: bool, monkeypatch: pytest
     np.testing.assert_allclose(gradient / scale, g / scale, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_landmarks_follow_the_poses() -> None:
     check_first_step(small())
 
 
+@pytest.mark.slow
 def test_the_cost_is_that_of_the_graph() -> None:
     problem = small()
     graph, values = to_graph(problem)
@@ -82,6 +84,7 @@ def test_the_engine_and_gtsam_end_at_one_minimum() -> None:
     np.testing.assert_allclose(ours.problem.world_T_camera, gtsams.problem.world_T_camera, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_poses_are_recovered_where_a_global_shutter_fails() -> None:
     problem, truth = rolling_drive(noise_px=0.0)
     tied = replace(problem, fixed=np.isin(np.arange(40), [0, 1, 20, 39]))
@@ -94,6 +97,7 @@ def test_poses_are_recovered_where_a_global_shutter_fails() -> None:
     assert path_error(rigid.world_T_camera, truth) > 0.005
 
 
+@pytest.mark.slow
 def test_no_readout_is_a_global_shutter() -> None:
     problem, _ = rolling_drive()
     assert problem.row_times is not None
@@ -117,6 +121,7 @@ def test_the_knots_lie_around_the_rows_time() -> None:
     np.testing.assert_allclose(by_readout, (ahead - behind) / 2e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_held_frames_stay() -> None:
     problem = held_frames()
     times = RowTimes.of_frames(np.arange(40) / 10, problem.frame, problem.uv_px[:, 1] / 480 - 0.5, 0.03)

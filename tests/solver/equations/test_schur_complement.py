@@ -138,6 +138,7 @@ def _pose_factor_gradient(problem: BundleProblem) -> np.ndarray:
     return -problem.pose_graph.linearize(all_pose_values(problem)).hessian(ordering)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_gradient_of_states_and_step_of_the_whole_system_equal_those_of_gtsam(held: bool) -> None:
     problem = drive_with_states(held)

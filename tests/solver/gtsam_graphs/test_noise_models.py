@@ -12,6 +12,7 @@ PIXEL = noiseModel.Isotropic.Sigma(2, 1.7)
 positive = st.floats(1e-3, 1e3)
 
 
+@pytest.mark.slow
 @given(positive, positive)
 def test_constants_of_losses_are_recovered(sigma: float, k: float) -> None:
     inner = noiseModel.Isotropic.Sigma(2, sigma)

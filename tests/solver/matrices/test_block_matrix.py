@@ -36,6 +36,7 @@ def matrix_over(
     return dense, blocks
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(st.integers(1, 60), st.integers(0, 12), st.integers(0, 10**6))
 def test_factor_solves_and_inverts(frames: int, far: int, seed: int) -> None:
@@ -61,6 +62,7 @@ def test_entries_land_where_squares_do() -> None:
     np.testing.assert_allclose(again.cholesky().solve(right), np.linalg.solve(dense, right), atol=1e-10)
 
 
+@pytest.mark.slow
 def test_factor_does_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
     _, blocks = matrix_over(200, random_cliques(200, 12, rng), rng)

@@ -21,6 +21,7 @@ def as_submaps(A, layout, rows):
     return matrix
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(1, 90), st.integers(0, 9), st.integers(1, 20), st.integers(0, 1000))
 def test_factor_solves_and_inverts(places, reach, more, seed):
