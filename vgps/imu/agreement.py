@@ -38,6 +38,11 @@ class Agreement(NamedTuple):
     time_offset_sigma_s: float = 0.0
 
     @property
+    def shown(self) -> bool:
+        """Whether the rotations were enough to say anything."""
+        return self.contradiction is not None or self.time_offset_sigma_s > 0.0
+
+    @property
     def misled(self) -> bool:
         """Whether the clock was so far off that the rotations which the IMU predicted were wrong."""
         return abs(self.time_offset_s) > _MAX_OFFSET_S

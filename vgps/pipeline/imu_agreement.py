@@ -17,11 +17,18 @@ _CALIBRATE = "vgps calibrate-imu"
 
 
 def imu_agreement(front_end: FrontEnd, config: Config) -> Agreement:
-    """Compare the rotations of a front end's IMU, if it has one, with those of its maps."""
+    """Compare the rotations of a front end's IMU, if it has one, with those of its maps.
+
+    Maps may be bent by some degrees themselves: where they contradict the IMU, pairs of pictures decide.
+    """
     imu = camera_imu(front_end.recording, front_end.origin, config)
     if imu is None:
         return Agreement(None)
-    return agreement(path_rotations([map_trajectory(one) for one in front_end.maps]), imu)
+    by_maps = agreement(path_rotations([map_trajectory(one) for one in front_end.maps]), imu)
+    if by_maps.contradiction is None:
+        return by_maps
+    by_pictures = pictures_agreement(front_end, config)
+    return by_pictures if by_pictures.shown else by_maps
 
 
 def pictures_agreement(front_end: FrontEnd, config: Config) -> Agreement:
