@@ -32,10 +32,12 @@ def level_factor(
     if not min(sigmas_rad) > 0:
         raise ValueError(f"sigmas are {list(sigmas_rad)} rad, expected positive numbers")
 
+    across = np.stack([gtsam.SO3.Hat(axis) for axis in camera_axes])  # [a]_x
+
     def error(world_T_camera: gtsam.Pose3) -> Linearisation:
         up = world_T_camera.rotation().matrix()[2]
         jacobian = np.zeros((len(camera_axes), 6))
-        jacobian[:, :3] = np.cross(camera_axes, up)
+        jacobian[:, :3] = across @ up
         return camera_axes @ up, [jacobian]
 
     noise = gtsam.noiseModel.Diagonal.Sigmas(np.asarray(sigmas_rad))
