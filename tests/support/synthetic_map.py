@@ -39,7 +39,8 @@ def map_of(problem, first, last, history=60, aligned=True):
         seen = np.array([uv.get(landmark, np.zeros(2)) for landmark in followed]).reshape(-1, 2)
         pose = NewFrame(INTERVAL_S * frame, problem.world_T_camera[frame])
         made.apply(MapUpdate(frames=(pose,), view=NewView(frame, seen, seen, found)))
-        new = [landmark for landmark in uv if landmark not in set(np.array(followed)[found].tolist())]
+        still = set(np.array(followed)[found].tolist())
+        new = [landmark for landmark in uv if landmark not in still]
         at = np.array([uv[landmark] for landmark in new]).reshape(-1, 2)
         made.apply(MapUpdate(features=NewFeatures(at, at, np.zeros(len(new), dtype=np.uint8))))
         of_id.extend(new)

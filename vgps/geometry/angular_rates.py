@@ -100,7 +100,8 @@ class GyroIntegral:
         angles = np.diff(self._angle(times), axis=1)
         if bias_rad_s is not None:
             angles = angles - np.asarray(bias_rad_s) * np.diff(times, axis=1)[:, :, None]
-        rotation = Rotation.identity(count)
-        for k in range(n):
-            rotation = rotation * Rotation.from_rotvec(angles[:, k])
-        return np.asarray(rotation.as_matrix(), np.float64)
+        steps = Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(count, n, 3, 3)
+        while steps.shape[1] > 1:  # each time neighbours become one
+            even = steps.shape[1] // 2 * 2
+            steps = np.concatenate([steps[:, :even:2] @ steps[:, 1:even:2], steps[:, even:]], axis=1)
+        return np.asarray(steps[:, 0], np.float64)
