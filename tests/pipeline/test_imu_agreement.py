@@ -8,6 +8,7 @@ from vgps.config import Config
 from vgps.imu.agreement import Agreement
 from vgps.pipeline import imu_agreement as module
 from vgps.pipeline.imu_agreement import imu_agreement
+from vgps.runtime.progress import NoProgress
 
 TURNED, LATE, NOTHING = Agreement("it is mounted otherwise"), Agreement(None, 0.004, 0.001), Agreement(None)
 
@@ -27,4 +28,4 @@ def test_pictures_decide_where_maps_contradict_an_imu(monkeypatch, by_maps, by_p
     monkeypatch.setattr(module, "path_rotations", lambda _: "maps")
     monkeypatch.setattr(module, "agreement", lambda rotations, _: by_maps if rotations == "maps" else None)
     monkeypatch.setattr(module, "pictures_agreement", lambda *_: by_pictures)
-    assert imu_agreement(front_end, Config()) == (believed or by_pictures)
+    assert imu_agreement(front_end, Config(), NoProgress()) == (believed or by_pictures)

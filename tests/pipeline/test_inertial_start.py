@@ -42,7 +42,7 @@ def test_maps_without_scale_are_put_on_the_path_of_imu_and_fixes(front_end, data
     monkeypatch.setattr("vgps.pipeline.inertial_start.imu_agreement", lambda *_: Agreement(None))
     (kept,) = front_end.maps
     lost = replace(front_end, maps=(shrunk(kept),))
-    found = with_inertial_start(lost, CONFIG)
+    found = with_inertial_start(lost, CONFIG, NoProgress())
     (moved,) = found.maps
     truth = read_trajectory(data_dir / "kitti07" / "truth.tum").world_T_camera[kept.first_frame :]
     posed = np.isfinite(moved.poses[:, 0, 0])
@@ -60,12 +60,12 @@ def test_maps_without_scale_are_put_on_the_path_of_imu_and_fixes(front_end, data
 
 @pytest.mark.slow
 def test_maps_with_scale_or_without_an_imu_stay_as_they_are(front_end):
-    assert with_inertial_start(front_end, CONFIG) is front_end
+    assert with_inertial_start(front_end, CONFIG, NoProgress()) is front_end
     lost = replace(front_end, maps=tuple(shrunk(one) for one in front_end.maps))
     alone = replace(lost, recording=replace(lost.recording, imu=None))
-    assert with_inertial_start(alone, CONFIG) is alone
+    assert with_inertial_start(alone, CONFIG, NoProgress()) is alone
     unused = replace(lost, fixes=replace(lost.fixes, used=np.zeros_like(lost.fixes.used)))
-    assert with_inertial_start(unused, CONFIG) is unused
+    assert with_inertial_start(unused, CONFIG, NoProgress()) is unused
     late = replace(lost.fixes, t_s=lost.fixes.t_s + 3.0)
     with_late_fixes = replace(lost, fixes=late)
-    assert with_inertial_start(with_late_fixes, CONFIG) is with_late_fixes
+    assert with_inertial_start(with_late_fixes, CONFIG, NoProgress()) is with_late_fixes

@@ -10,13 +10,14 @@ from vgps.imu.force_agreement import wrong_forces
 from vgps.mapping.trajectory import map_trajectory
 from vgps.model import Recording
 from vgps.pipeline.front_end import FrontEnd, camera_imu
+from vgps.runtime.progress import Progress
 from vgps.solution import Trajectory
 from vgps.tracking.relative_rotation import frame_rotations
 
 _CALIBRATE = "vgps calibrate-imu"
 
 
-def imu_agreement(front_end: FrontEnd, config: Config) -> Agreement:
+def imu_agreement(front_end: FrontEnd, config: Config, progress: Progress) -> Agreement:
     """Compare the rotations of a front end's IMU, if it has one, with those of its maps.
 
     Maps may be bent by some degrees themselves: where they contradict the IMU, pairs of pictures decide.
@@ -27,18 +28,20 @@ def imu_agreement(front_end: FrontEnd, config: Config) -> Agreement:
     by_maps = agreement(path_rotations([map_trajectory(one) for one in front_end.maps]), imu)
     if by_maps.contradiction is None:
         return by_maps
-    by_pictures = pictures_agreement(front_end, config)
+    by_pictures = pictures_agreement(front_end, config, progress)
     return by_pictures if by_pictures.shown else by_maps
 
 
-def pictures_agreement(front_end: FrontEnd, config: Config) -> Agreement:
+def pictures_agreement(front_end: FrontEnd, config: Config, progress: Progress) -> Agreement:
     """Compare the rotations of a front end's IMU with those of pairs of pictures, which never met it."""
     recording, settings = front_end.recording, config.gyro_calibration
     imu = camera_imu(recording, front_end.origin, config)
     if imu is None:
         return Agreement(None)
+    progress.stage("comparing the IMU with pairs of pictures")
+    video = recording.video
     rotations = frame_rotations(
-        recording.video.frames(),
+        progress.track(video.frames(), len(video.times_s)),
         recording.camera,
         config.tracking,
         np.random.default_rng(config.seed),

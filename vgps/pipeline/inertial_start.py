@@ -14,6 +14,7 @@ from vgps.mapping.map_update import MapUpdate, Positions
 from vgps.pipeline.front_end import FrontEnd, camera_imu
 from vgps.pipeline.imu_agreement import imu_agreement, pictures_agreement, with_imu_clock
 from vgps.pipeline.solved_maps import merged_maps
+from vgps.runtime.progress import Progress
 from vgps.smoothing.alignment.inertial_path import contradicted_intervals, inertial_path
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.scene import Scene
@@ -53,7 +54,7 @@ class _Lost:
         return found
 
 
-def with_inertial_start(front_end: FrontEnd, config: Config) -> FrontEnd:
+def with_inertial_start(front_end: FrontEnd, config: Config, progress: Progress) -> FrontEnd:
     """Return the front end with its maps on the path of IMU and fixes, if the video lost its scale.
 
     That is where its path strays from the fixes as that of the IMU does not. With few features the rotations
@@ -62,13 +63,13 @@ def with_inertial_start(front_end: FrontEnd, config: Config) -> FrontEnd:
     lost = _lost(front_end, config)
     if lost is None:
         return front_end
-    seen = imu_agreement(front_end, config)
+    seen = imu_agreement(front_end, config, progress)
     if seen.contradiction or seen.misled:  # the path may have strayed by what the IMU predicted
         return front_end
     recording = front_end.recording
     path = lost.path_by(camera_imu(recording, front_end.origin, config), config)
     if path is not None:
-        recording = with_imu_clock(recording, pictures_agreement(front_end, config))
+        recording = with_imu_clock(recording, pictures_agreement(front_end, config, progress))
     if recording is not front_end.recording:
         path = lost.path_by(camera_imu(recording, front_end.origin, config), config)
     if path is None:

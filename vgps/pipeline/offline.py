@@ -102,16 +102,16 @@ def _smoothed(
         rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
         return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
     journal = None if checkpoint is None else checkpoint.journal
-    front_end = with_inertial_start(replace(front_end, journal=journal), config)
+    front_end = with_inertial_start(replace(front_end, journal=journal), config, progress)
     front_end, config = with_right_clock(front_end, config, progress)
     recording = front_end.recording
     run = _Run(recording, config) if config is not run.config else run
-    found = imu_agreement(front_end, config)
+    found = imu_agreement(front_end, config, progress)
     if found.misled and found.contradiction is None:
         progress.stage("again with the IMU's clock as the video shows it")
         recording = with_imu_clock(recording, found)
-        front_end = with_inertial_start(run_front_end(recording, config, progress), config)
-        found = imu_agreement(front_end, config)
+        front_end = with_inertial_start(run_front_end(recording, config, progress), config, progress)
+        found = imu_agreement(front_end, config, progress)
     if (wrong := contradiction_note(front_end, found)) is not None:
         progress.stage("again without the IMU, which contradicts the video")
         recording = replace(recording, imu=None, notes=(*recording.notes, wrong))
