@@ -10,9 +10,9 @@ and b1, b2 its unit rays. The loss is Cauchy's.
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vgps.camera_calibration.lens import rays
+from vgps.geometry import cross_matrices, rotation_matrices
 from vgps.model import FloatArray
 from vgps.tracking.view_pairs import ViewPairs
 
@@ -35,7 +35,7 @@ class PairRays:
 
     def residual(self, rotation: FloatArray, direction: FloatArray) -> FloatArray:
         """Return the Sampson distances (N,) [px]."""
-        essential = (_skew(direction) @ rotation)[self.pair]
+        essential = (cross_matrices(direction) @ rotation)[self.pair]
         line = np.einsum("nij,nj->ni", essential, self.first)
         other = np.einsum("nji,nj->ni", essential, self.second)
         gradient = np.hypot(
@@ -116,21 +116,14 @@ def sums_by_pair(pairs: ViewPairs, weight: FloatArray, left: FloatArray, right: 
 def retracted(rotation: FloatArray, direction: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return rotations and directions moved by steps (P, 5): rotation in the first's axes, direction in the
     plane perpendicular to it."""
-    turned = rotation @ Rotation.from_rotvec(step[:, :3]).as_matrix()
-    smallest = np.eye(3)[np.argmin(np.abs(direction), axis=1)]
-    one = np.cross(direction, smallest)
+    turned = rotation @ rotation_matrices(step[:, :3])
+    across = cross_matrices(direction)
+    smallest = np.argmin(np.abs(direction), axis=1)
+    one = across[np.arange(len(direction)), :, smallest]  # the cross product with the axis of that number
     one /= np.linalg.norm(one, axis=1)[:, None]
-    other = np.cross(direction, one)
+    other = (across @ one[:, :, None])[:, :, 0]
     moved = direction + step[:, 3:4] * one + step[:, 4:] * other
     return turned, moved / np.linalg.norm(moved, axis=1)[:, None]
-
-
-def _skew(vector: FloatArray) -> FloatArray:
-    """Return the matrices (P, 3, 3) of cross products with vectors (P, 3)."""
-    matrix = np.zeros((len(vector), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        matrix[:, i, j], matrix[:, j, i] = -vector[:, k], vector[:, k]
-    return matrix
 
 
 def cauchy_loss(r: FloatArray) -> FloatArray:
