@@ -7,6 +7,8 @@ from vgps.camera_calibration.lens import parameters_of
 from vgps.camera_calibration.two_view import LensPrior, fit_lens, noise_of, start_of_pairs
 from vgps.model import Camera
 
+pytestmark = pytest.mark.slow
+
 SIZE = {"width": 640, "height": 480, "cx": 325.0, "cy": 236.0}
 NARROW = Camera(model="opencv", fx=500.0, fy=500.0, distortion=(-0.12, 0.05, 0.0, 0.0), **SIZE)
 WIDE = Camera(model="fisheye", fx=280.0, fy=280.0, distortion=(0.04, -0.005, 0.0, 0.0), **SIZE)
@@ -21,7 +23,6 @@ def fitted(pairs, camera, off=0.3, model=None):
     return fit_lens(pairs, prior, rough.parameters, 0.5, 40)  # pairs that began badly begin again
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("camera", "off"), [(NARROW, 0.3), (WIDE, -0.3)], ids=["narrow", "wide"])
 def test_a_lens_is_recovered_from_far_away(pairs, camera, off):
     seen = pairs(camera)
@@ -34,13 +35,11 @@ def test_a_lens_is_recovered_from_far_away(pairs, camera, off):
     assert noise_of(seen, fit) == pytest.approx(0.2, rel=0.35)
 
 
-@pytest.mark.slow
 def test_the_right_model_costs_less(pairs):
     seen = pairs(WIDE)
     assert fitted(seen, WIDE, 0.0).cost < fitted(seen, WIDE, 0.0, model="opencv").cost
 
 
-@pytest.mark.slow
 def test_a_camera_that_never_turns_does_not_show_its_focal_length(pairs):
     fit = fitted(pairs(NARROW, turn_deg=0.0), NARROW)
     turning = fitted(pairs(NARROW), NARROW)
@@ -48,7 +47,6 @@ def test_a_camera_that_never_turns_does_not_show_its_focal_length(pairs):
     assert sigma > 5 * other
 
 
-@pytest.mark.slow
 def test_the_geometry_of_pairs_is_found_without_a_start(pairs):
     seen = pairs(WIDE, noise_px=0.0)
     prior = LensPrior("fisheye", parameters_of(WIDE), SIGMA)

@@ -7,6 +7,8 @@ import pytest
 
 from vgps.readers.calibration.camera_file import read_camera
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def uncalibrated(brief: Path, tmp_path: Path) -> Path:
@@ -16,7 +18,6 @@ def uncalibrated(brief: Path, tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_the_camera_of_a_video_is_written(brief, uncalibrated, tmp_path, vgps_verb):
     code, out, _ = vgps_verb("calibrate-camera", uncalibrated, "--out", tmp_path / "camera.yaml")
     assert code == 0 and out.endswith(f"wrote {tmp_path / 'camera.yaml'}\n")
@@ -24,7 +25,6 @@ def test_the_camera_of_a_video_is_written(brief, uncalibrated, tmp_path, vgps_ve
     assert found.fx == pytest.approx(true.fx, rel=0.02)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [("track", "--landmarks", "none.vgps"), ("compare", "--truth", "truth.tum"), ("online",)]
 )

@@ -12,6 +12,8 @@ from vgps.camera import project
 from vgps.evaluation.check_points import marks_of
 from vgps.readers.run_folder import read_run
 
+pytestmark = pytest.mark.slow
+
 
 def intersection(solution, rows):
     """The point (3,) nearest to its observations, by SciPy."""
@@ -26,7 +28,6 @@ def intersection(solution, rows):
     return least_squares(error, start).x
 
 
-@pytest.mark.slow
 def test_ce90_in_the_report_is_that_of_the_truth(recording, tmp_path, vgps_verb):
     walk = tmp_path / "walk"
     shutil.copytree(recording, walk)
@@ -49,7 +50,6 @@ def test_ce90_in_the_report_is_that_of_the_truth(recording, tmp_path, vgps_verb)
     assert "height above the geoid EGM96" in html and "EGM96 at the origin" in html
 
 
-@pytest.mark.slow
 def test_control_points_hold_the_run_as_well_as_they_are_known(brief, tmp_path, vgps_verb):
     """Without GPS, marks known to 1 cm give place and scale; check points say how well."""
     walk = tmp_path / "walk"
@@ -62,7 +62,6 @@ def test_control_points_hold_the_run_as_well_as_they_are_known(brief, tmp_path, 
     assert horizontal < 0.1
 
 
-@pytest.mark.slow
 def test_control_points_in_an_unknown_system_are_refused(recording, tmp_path, vgps_verb):
     marks = tmp_path / "marks.csv"
     marks.write_text("frame,u_px,v_px,easting_m,northing_m,height_m\n0,1,2,500000,5400000,5\n")

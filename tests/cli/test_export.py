@@ -2,8 +2,9 @@
 
 import pytest
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 def test_coordinates_frames_and_columns_are_those_asked_for(smoothed, tmp_path, vgps_verb):
     out = tmp_path / "x.csv"
     asked = ("--crs", "EPSG:32653", "--geoid", "30", "--every-s", 2, "--columns", "x,height")
@@ -14,7 +15,6 @@ def test_coordinates_frames_and_columns_are_those_asked_for(smoothed, tmp_path, 
     assert header.startswith("easting_m,height_") and len(rows) == 3
 
 
-@pytest.mark.slow
 def test_brackets_and_colons_in_a_path_are_printed_verbatim(smoothed, tmp_path, vgps_verb):
     out = tmp_path / "[bold]a[/bold] :car:" / "x[/red].tum"
     code, printed, _ = vgps_verb("export", smoothed, "--to", "tum", "--out", out)

@@ -47,7 +47,6 @@ def check(code, error, out):
     assert not out.parent.exists() or list(out.parent.iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_full_disk_leaves_nothing_half_written(smoothed, brief, tmp_path, vgps_verb, monkeypatch, verb):
     out = tmp_path / "out" / "made"
@@ -57,7 +56,6 @@ def test_a_full_disk_leaves_nothing_half_written(smoothed, brief, tmp_path, vgps
     check(code, error, out)
 
 
-@pytest.mark.slow
 def test_a_process_on_a_full_disk_leaves_nothing_half_written(smoothed, tmp_path):
     out = tmp_path / "out" / "made"
     words = [sys.executable, "-B", "-m", "vgps", *VERBS["export"].format(run=smoothed, out=out).split()]

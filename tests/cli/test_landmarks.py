@@ -7,13 +7,14 @@ from synthetic_run import WallRun, make_wall_run
 
 from vgps.landmarks.info import database_info
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def wall(tmp_path_factory: pytest.TempPathFactory) -> WallRun:
     return make_wall_run(tmp_path_factory.mktemp("wall"))
 
 
-@pytest.mark.slow
 def test_build_and_info_print_the_same_summary(monkeypatch, vgps_verb, wall: WallRun, tmp_path: Path) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     out = tmp_path / "wall.vgps"
@@ -29,7 +30,6 @@ def test_build_and_info_print_the_same_summary(monkeypatch, vgps_verb, wall: Wal
     assert info.landmarks < info.views <= 3 * info.landmarks
 
 
-@pytest.mark.slow
 def test_mistakes_are_one_line(vgps_verb, wall: WallRun, tmp_path: Path) -> None:
     out = tmp_path / "x.vgps"
     for words, message in (

@@ -18,6 +18,8 @@ from vgps.smoothing.calibration.refined_camera import RefinedCamera
 from vgps.solution import FrameState
 from vgps.writers.run_folder import write_run
 
+pytestmark = pytest.mark.slow
+
 SMALL = {"max_landmarks": 60, "first_landmarks": 30}
 
 
@@ -31,7 +33,6 @@ def errors(poses, t_s):
     return np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1), apart_deg(poses, true)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_a_shaking_camera_is_tracked_from_an_unknown_pose(database, estimator):
     solution = localize(recording_of(WallVideo(15)), database, with_tracker(estimator=estimator))
@@ -50,7 +51,6 @@ def test_a_shaking_camera_is_tracked_from_an_unknown_pose(database, estimator):
     assert np.linalg.norm(uv - seen.uv_px, axis=1).max() < 4.5
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("use_gyro", [True, False])
 def test_a_rolling_shutter_is_tracked_like_a_global_one(database, use_gyro):
     video = WallVideo(15, exposure_s=0.0, readout_s=0.03)
@@ -73,7 +73,6 @@ def test_a_rolling_shutter_is_tracked_like_a_global_one(database, use_gyro):
     assert np.median(np.linalg.norm(away, axis=1)) < 0.5
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["frame", "graph"])
 def test_black_frames_are_bridged_and_reported(database, estimator):
     black = tuple(range(5, 13))
@@ -88,7 +87,6 @@ def test_black_frames_are_bridged_and_reported(database, estimator):
     assert "5 to 12 (0.50 to 1.20 s)" in solution.warnings[0]
 
 
-@pytest.mark.slow
 def test_a_calibration_that_the_run_of_the_map_refined_is_replaced_by_the_refined_one(database):
     given = replace(CAMERA, fx=315.0, fy=315.0)
     refined_by_run = replace(database, cameras=Cameras(given, CAMERA))
@@ -100,14 +98,12 @@ def test_a_calibration_that_the_run_of_the_map_refined_is_replaced_by_the_refine
     np.testing.assert_array_equal(other.world_T_camera, solution.world_T_camera)
 
 
-@pytest.mark.slow
 def test_a_video_of_another_place_is_refused(database):
     video = WallVideo(3, black=(0, 1, 2))
     with pytest.raises(GeometryError, match=r"wall.mp4.*landmarks.*expected 6"):
         localize(recording_of(video), database, with_tracker())
 
 
-@pytest.mark.slow
 def test_a_run_folder_is_written(database, tmp_path):
     solution = localize(recording_of(WallVideo(4, black=(2,))), database, with_tracker())
     write_run(solution, tmp_path / "run")
@@ -117,7 +113,6 @@ def test_a_run_folder_is_written(database, tmp_path):
     assert "tracked" in rows[2]
 
 
-@pytest.mark.slow
 def test_a_fault_of_the_video_is_passed_on(database):
     class Broken(WallVideo):
         def frames(self):
@@ -128,7 +123,6 @@ def test_a_fault_of_the_video_is_passed_on(database):
         localize(recording_of(Broken(5)), database, with_tracker())
 
 
-@pytest.mark.slow
 def test_a_camera_lost_for_its_speed_is_reported_with_the_setting_to_change(database):
     class Fast(WallVideo):
         def frames(self):
@@ -144,7 +138,6 @@ def test_a_camera_lost_for_its_speed_is_reported_with_the_setting_to_change(data
     assert "moved at up to 30 m/s: set localization.max_speed_m_s to 40" in solution.warnings[-1]
 
 
-@pytest.mark.slow
 def test_with_a_calibration_that_landmarks_contradict_all_frames_are_tracked_again(database, monkeypatch):
     wrong = replace(CAMERA, fx=315.0, fy=315.0)
     refined = RefinedCamera(CAMERA, {"focal": 0.001, "cx": 0.5, "cy": 0.5}, 2, True)

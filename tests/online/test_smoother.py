@@ -12,6 +12,8 @@ from vgps.online.run import run_online
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Verdict
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def opened(recording):
@@ -35,7 +37,6 @@ def online(opened):
     return fed(opened)
 
 
-@pytest.mark.slow
 def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online, opened, recording):
     smoother, _ = online
     solution = smoother.finish()
@@ -53,7 +54,6 @@ def test_the_final_poses_are_those_of_the_last_fit_and_near_those_offline(online
     assert np.median(off) < 2.0
 
 
-@pytest.mark.slow
 def test_the_result_has_the_refined_camera(opened):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     assert smoother._session().camera is opened.camera
@@ -62,7 +62,6 @@ def test_the_result_has_the_refined_camera(opened):
     assert smoother._session().camera is refined
 
 
-@pytest.mark.slow
 def test_states_come_in_order_and_no_pose_is_invented(online):
     _, estimates = online
     states = [estimate.state for estimate in estimates]
@@ -75,7 +74,6 @@ def test_states_come_in_order_and_no_pose_is_invented(online):
     assert aligned == [estimates[states.index(OnlineState.TRACKED)].t_s]
 
 
-@pytest.mark.slow
 def test_each_pose_is_near_the_truth_as_it_comes(online, recording):
     _, estimates = online
     true = read_trajectory(recording / "truth.tum").world_T_camera[:, :3, 3]
@@ -84,7 +82,6 @@ def test_each_pose_is_near_the_truth_as_it_comes(online, recording):
     assert len(found) > 40 and np.mean(away) < 0.3
 
 
-@pytest.mark.slow
 def test_every_fix_is_reported_once_while_its_verdict_is_unchanged(online, opened):
     _, estimates = online
     told = [event.details for estimate in estimates for event in estimate.events if event.kind == "fix"]
@@ -105,7 +102,6 @@ def aligned_rows(opened, fixes, images, late):
     return smoother, estimates
 
 
-@pytest.mark.slow
 def test_late_and_unordered_fixes_count_at_their_times(opened, images, recording):
     fixes = list(fixes_of(opened.gps))
     # every other fix comes 1.2 s later than the rest, after the one that follows it
@@ -119,7 +115,6 @@ def test_late_and_unordered_fixes_count_at_their_times(opened, images, recording
     assert abs(smoother._frame_pipeline.fix_buffer.sensors.time_offset_s) < 0.1
 
 
-@pytest.mark.slow
 def test_a_fix_of_the_same_time_or_without_a_position_is_refused(opened):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     fix = next(fixes_of(opened.gps))
@@ -127,7 +122,6 @@ def test_a_fix_of_the_same_time_or_without_a_position_is_refused(opened):
     assert not smoother.add_fix(fix._replace(t_s=5.0, height_m=np.nan))
 
 
-@pytest.mark.slow
 def test_the_first_usable_fix_is_the_origin_where_the_rig_names_none(opened, images):
     smoother = OnlineSmoother(opened.camera, replace(opened.rig, world_origin=None))
     fixes = list(fixes_of(opened.gps))
@@ -139,7 +133,6 @@ def test_the_first_usable_fix_is_the_origin_where_the_rig_names_none(opened, ima
     assert origin == (fixes[2].latitude_deg, fixes[2].longitude_deg, fixes[2].height_m)
 
 
-@pytest.mark.slow
 def test_bad_frames_are_reported_with_their_number(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     smoother.add_frame(*images[0])
@@ -153,7 +146,6 @@ def test_bad_frames_are_reported_with_their_number(opened, images):
         smoother.finish(stage_d=True)
 
 
-@pytest.mark.slow
 def test_what_a_pose_does_not_need_comes_after_it_and_before_the_next(opened, images, monkeypatch):
     smoother, done = OnlineSmoother(opened.camera, opened.rig), []
     monkeypatch.setattr(smoother._frame_pipeline, "map_frame", lambda: done.append("stage B"))
@@ -167,7 +159,6 @@ def test_what_a_pose_does_not_need_comes_after_it_and_before_the_next(opened, im
     assert not any(one is second for one in done)
 
 
-@pytest.mark.slow
 def test_without_fixes_the_result_is_not_georeferenced(opened, images):
     smoother = OnlineSmoother(opened.camera, opened.rig)
     states = [smoother.add_frame(*image).state for image in images[:40]]
@@ -176,7 +167,6 @@ def test_without_fixes_the_result_is_not_georeferenced(opened, images):
     assert not solution.georeferenced and np.isfinite(solution.world_T_camera).all()
 
 
-@pytest.mark.slow
 def test_with_everything_kept_stage_d_gives_what_smooth_gives(brief):
     opened = vgps.open_recording(brief)
     config = vgps.Config(intrinsics={"tolerance_sigmas": 0.05})  # from either start, close to the same

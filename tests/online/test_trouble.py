@@ -16,6 +16,8 @@ from vgps.online.replay import fixes_of
 from vgps.pipeline import stage_c
 from vgps.solution import Solution
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def walk(recording):
@@ -26,7 +28,6 @@ def notes(estimates):
     return [event.text for estimate in estimates for event in estimate.events if event.kind == "note"]
 
 
-@pytest.mark.slow
 def test_one_failed_update_is_reported_and_tracking_continues(walk, monkeypatch):
     real, calls = stage_c.optimise_window, []
 
@@ -42,7 +43,6 @@ def test_one_failed_update_is_reported_and_tracking_continues(walk, monkeypatch)
     assert estimates[-1].state is OnlineState.TRACKED and walk.away(estimates)[-1] < 0.3
 
 
-@pytest.mark.slow
 def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(walk, monkeypatch):
     real, calls = stage_c.optimise_window, []
 
@@ -61,7 +61,6 @@ def test_updates_that_fail_again_and_again_end_the_map_and_a_new_one_recovers(wa
     assert np.isfinite(smoother.finish().world_T_camera).all()
 
 
-@pytest.mark.slow
 def test_darkness_is_bridged_then_lost_and_ends(walk):
     _, estimates = walk.drive(110, vgps.Config(online=OnlineConfig(bridge_s=0.3)), dark=range(60, 70))
     states = [estimate.state for estimate in estimates]
@@ -106,7 +105,6 @@ def long_drive(walk):
     return LongDrive(smoother.finish(), estimates, np.array(counts), bytes_at)
 
 
-@pytest.mark.slow
 def test_tracking_continues_after_an_outage_longer_than_the_retention(walk, long_drive):
     estimates = long_drive.estimates
     assert all(estimate.state is OnlineState.TRACKED for estimate in estimates[60:])
@@ -117,7 +115,6 @@ def test_tracking_continues_after_an_outage_longer_than_the_retention(walk, long
     assert np.linalg.norm(np.diff(smooth, axis=0), axis=1).max() < 2.6 / 15
 
 
-@pytest.mark.slow
 def test_memory_does_not_grow(walk, long_drive):
     counts, bytes_at, solution = long_drive.counts, long_drive.bytes_at, long_drive.solution
     first, last = counts[:35].max(axis=0), counts[-35:].max(axis=0)
@@ -131,7 +128,6 @@ def test_memory_does_not_grow(walk, long_drive):
     assert away.mean() < 0.2
 
 
-@pytest.mark.slow
 def test_fixes_from_the_future_are_counted_and_not_kept(walk):
     jumps = []
 

@@ -20,13 +20,14 @@ from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.retention import RetentionPolicy
 from vgps.model import Frame
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def aligned():
     return fed(room(), exact_fixes())
 
 
-@pytest.mark.slow
 def test_every_frame_is_posed_in_the_world(aligned):
     (local_map,) = aligned.maps
     assert local_map.aligned and aligned.current is local_map
@@ -38,7 +39,6 @@ def test_every_frame_is_posed_in_the_world(aligned):
     assert set(aligned.timer.by_stage) >= {"start", "track", "map", "align", "drift", "window"}
 
 
-@pytest.mark.slow
 def test_its_points_are_those_of_the_room(aligned):
     """As the last camera sees them, to 2 % of their distance, in the median."""
     local_map = aligned.maps[0]
@@ -53,7 +53,6 @@ def test_its_points_are_those_of_the_room(aligned):
     assert np.median(np.linalg.norm(found - expected, axis=1) / expected[:, 2]) < 0.02
 
 
-@pytest.mark.slow
 def test_a_pose_does_not_wait_for_stage_b():
     """It is known before its view is mapped, which happens once: when asked for, or with stage C."""
     *start, first, second = room(14)
@@ -70,7 +69,6 @@ def test_a_pose_does_not_wait_for_stage_b():
         np.testing.assert_array_equal(made.current.points, mapped)
 
 
-@pytest.mark.slow
 def test_without_fixes_the_path_has_its_shape_alone():
     (local_map,) = fed(room(20)).maps
     assert not local_map.aligned
@@ -80,7 +78,6 @@ def test_without_fixes_the_path_has_its_shape_alone():
     np.testing.assert_allclose(local_map.poses[:, :3, 3], scale * relative[:, :3, 3], atol=0.05 * scale)
 
 
-@pytest.mark.slow
 def test_fixes_that_come_late_align_the_map_and_the_frames_before():
     made = pipeline()
     for frame in room(24):
@@ -91,7 +88,6 @@ def test_fixes_that_come_late_align_the_map_and_the_frames_before():
     assert errors_m(made.maps[0]).max() < 0.05
 
 
-@pytest.mark.slow
 def test_fixes_between_pictures_that_are_shown_twice_align_the_map():
     """Twice as many frames a second as pictures; each fix lies between the two frames of a picture."""
     fixes = exact_fixes()
@@ -104,7 +100,6 @@ def test_fixes_between_pictures_that_are_shown_twice_align_the_map():
     assert made.maps[0].aligned
 
 
-@pytest.mark.slow
 def test_control_points_align_a_map_without_fixes():
     """Ten corners of the room, seen in the frames 2 and 14."""
     uv = np.random.default_rng(0).uniform((30, 30), (290, 210), (10, 2))
@@ -117,7 +112,6 @@ def test_control_points_align_a_map_without_fixes():
     assert made.maps[0].aligned and errors_m(made.maps[0]).max() < 0.1
 
 
-@pytest.mark.slow
 def test_standing_frames_get_a_constraint_and_no_view():
     """The camera stands from frame 12 to 19 and goes on."""
     order = [*range(12), *[12] * 8, *range(13, 20)]
@@ -130,7 +124,6 @@ def test_standing_frames_get_a_constraint_and_no_view():
     assert step[12:19].max() < 0.05 * np.median(step) and step[20:].min() > 0.5 * np.median(step)
 
 
-@pytest.mark.slow
 def test_frames_whose_picture_hangs_are_bridged():
     """From frame 12 to 19 while the camera moves on."""
     order = [*range(12), *[12] * 8, *range(20, COUNT)]
@@ -140,7 +133,6 @@ def test_frames_whose_picture_hangs_are_bridged():
     assert errors_m(local_map).max() < 0.1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("live", "repeats", "end"), [(False, [14, 15], 14), (True, [], 16)])
 def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand(live, repeats, end):
     """Live, the poses of these frames have been given out."""
@@ -150,7 +142,6 @@ def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand(live, repeats,
     assert made.repeated_frames == repeats and made.maps[0].next_frame == end
 
 
-@pytest.mark.slow
 def test_black_frames_are_bridged():
     made = fed(room(black=(14, 15, 16)), exact_fixes())
     (local_map,) = made.maps
@@ -158,7 +149,6 @@ def test_black_frames_are_bridged():
     assert any("from frame 14 to 16" in warning for warning in made.warnings)
 
 
-@pytest.mark.slow
 def test_a_camera_that_turned_in_the_dark_is_found_again():
     """By 14 degrees, which is 60 px: too far for the motion model and for optical flow."""
     dark = [Frame(i, i / FPS, np.zeros_like(images(1)[0])) for i in range(20, 24)]
@@ -170,7 +160,6 @@ def test_a_camera_that_turned_in_the_dark_is_found_again():
     assert max(apart_deg(a, b) for a, b in zip(local_map.poses[24:], turned, strict=True)) < 2.0
 
 
-@pytest.mark.slow
 def test_a_map_begun_while_tracking_was_lost_is_dropped_when_it_is_resumed():
     lost = another_room(14, 2)
     back = [Frame(i, i / FPS, images(COUNT)[i]) for i in range(16, 20)]
@@ -179,7 +168,6 @@ def test_a_map_begun_while_tracking_was_lost_is_dropped_when_it_is_resumed():
     assert first.bridged == {14, 15} and first.next_frame == 20 and second.first_frame == 20
 
 
-@pytest.mark.slow
 def test_where_tracking_is_not_resumed_a_new_map_begins():
     """The camera is suddenly in another room."""
     made = fed([*room(15), *another_room(15)])
@@ -189,13 +177,11 @@ def test_where_tracking_is_not_resumed_a_new_map_begins():
     assert any("after frame 14" in w and "begins at frame 15" in w for w in made.warnings)
 
 
-@pytest.mark.slow
 def test_a_camera_that_never_moves_starts_no_map():
     made = fed(Frame(i, i / FPS, images(COUNT)[0]) for i in range(6))
     assert made.maps == [] and made.current is None
 
 
-@pytest.mark.slow
 def test_the_past_is_discarded_and_its_poses_are_handed_over():
     """Two seconds of the path and its fixes stay."""
     made, retired = pipeline(exact_fixes(), retention=RetentionPolicy(view_frames=14, path_s=2.0)), []
@@ -215,7 +201,6 @@ def test_the_past_is_discarded_and_its_poses_are_handed_over():
     assert errors_m(local_map).max() < 0.1
 
 
-@pytest.mark.slow
 def test_a_finished_map_is_retired_whole():
     policy = RetentionPolicy(view_frames=14, path_s=60.0)
     made = fed([*room(15), *another_room(15)], retention=policy)

@@ -15,13 +15,14 @@ from vgps.model import Frame
 from vgps.pipeline.reconciliation import Reconciliation
 from vgps.pipeline.window_worker import WindowOutcome
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def aligned():
     return fed(room(), exact_fixes())
 
 
-@pytest.mark.slow
 def test_stage_c_and_alignment_wait_for_moving_frames(monkeypatch):
     made, windows, alignments = pipeline(), [], []
     optimise = made._worker.optimise
@@ -37,7 +38,6 @@ def test_stage_c_and_alignment_wait_for_moving_frames(monkeypatch):
     assert alignments == moving
 
 
-@pytest.mark.slow
 def test_a_failure_of_stage_c_leaves_the_map_and_three_in_a_row_end_it(monkeypatch):
     made, kept = pipeline(), []
 
@@ -60,7 +60,6 @@ def test_a_failure_of_stage_c_leaves_the_map_and_three_in_a_row_end_it(monkeypat
     assert len(made.maps) == 2 and made.current is made.maps[1]
 
 
-@pytest.mark.slow
 def test_a_failure_is_forgotten_after_a_success(monkeypatch):
     made, calls = pipeline(), []
     optimise = made._worker.optimise
@@ -77,7 +76,6 @@ def test_a_failure_is_forgotten_after_a_success(monkeypatch):
     assert len(calls) >= 6 and len(made.maps) == 1 and made.current is made.maps[0]
 
 
-@pytest.mark.slow
 def test_stage_c_beside_the_frames_ends_where_stage_c_at_once_does(aligned):
     window = CONFIG.window.model_copy(update={"delay_frames": 3})
     beside = fed(room(), exact_fixes(), config=CONFIG.model_copy(update={"window": window}))
@@ -87,7 +85,6 @@ def test_stage_c_beside_the_frames_ends_where_stage_c_at_once_does(aligned):
     np.testing.assert_array_equal(again.maps[0].poses, beside.maps[0].poses)
 
 
-@pytest.mark.slow
 def test_the_result_of_stage_c_is_taken_a_fixed_number_of_frames_later(monkeypatch):
     window = CONFIG.window.model_copy(update={"delay_frames": 3})
     made, begun, taken = (
@@ -105,7 +102,6 @@ def test_the_result_of_stage_c_is_taken_a_fixed_number_of_frames_later(monkeypat
     assert begun == list(range(begun[0], COUNT + 1, 5))
 
 
-@pytest.mark.slow
 def test_positions_that_stage_c_did_not_refine_are_triangulated_anew(aligned):
     local_map = aligned.maps[0].snapshot()
     ids = local_map.ids[local_map.positioned & (np.isfinite(local_map.views[..., 0]).sum(axis=1) > 10)][:6]

@@ -15,6 +15,8 @@ from vgps.pipeline.inertial_start import with_inertial_start
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
 
+pytestmark = pytest.mark.slow
+
 CONFIG = fewer_features(150)
 
 
@@ -36,7 +38,6 @@ def shrunk(local_map):
     return lost
 
 
-@pytest.mark.slow
 def test_maps_without_scale_are_put_on_the_path_of_imu_and_fixes(front_end, data_dir, monkeypatch):
     # rotations that follow the IMU say nothing against its clock
     monkeypatch.setattr("vgps.pipeline.inertial_start.imu_agreement", lambda *_: Agreement(None))
@@ -58,7 +59,6 @@ def test_maps_without_scale_are_put_on_the_path_of_imu_and_fixes(front_end, data
     assert front_end.context(CONFIG).config == CONFIG
 
 
-@pytest.mark.slow
 def test_maps_with_scale_or_without_an_imu_stay_as_they_are(front_end):
     assert with_inertial_start(front_end, CONFIG, NoProgress()) is front_end
     lost = replace(front_end, maps=tuple(shrunk(one) for one in front_end.maps))

@@ -12,6 +12,8 @@ from vgps.mapping.zero_motion import ZeroMotion
 from vgps.pipeline.later_frames import PosingLimits
 from vgps.pipeline.reconciliation import reconcile
 
+pytestmark = pytest.mark.slow
+
 TO_WORLD = Similarity(1.1, Rotation.from_rotvec([0.02, 0.1, -0.03]).as_matrix(), np.array([1.0, -2.0, 0.5]))
 MOVED = MapUpdate(similarity=TO_WORLD)
 
@@ -37,7 +39,6 @@ def remove(local_map, ids):
     local_map.apply(MapUpdate(positions=no_positions(ids)))
 
 
-@pytest.mark.slow
 def test_a_similarity_of_the_old_part_becomes_one_of_the_whole():
     local_map, refined = grown()
     expected, _ = grown()
@@ -50,7 +51,6 @@ def test_a_similarity_of_the_old_part_becomes_one_of_the_whole():
     np.testing.assert_allclose(local_map.points[known], expected.points[known], rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_the_map_itself_is_not_changed():
     local_map, refined = grown()
     before = local_map.poses.copy(), local_map.points.copy()
@@ -60,7 +60,6 @@ def test_the_map_itself_is_not_changed():
     np.testing.assert_array_equal(local_map.points, before[1])
 
 
-@pytest.mark.slow
 def test_new_frames_are_posed_by_the_refined_positions():
     """The newest frames drift to the side, which the refined positions contradict."""
     local_map, refined = grown()
@@ -76,7 +75,6 @@ def test_new_frames_are_posed_by_the_refined_positions():
     assert away(local_map.poses[40:], true[40:]) < 0.25 * float(drift.mean())
 
 
-@pytest.mark.slow
 def test_new_features_carry_on_what_the_refined_ones_show():
     """The tracked scale slips more and more; hardly a refined feature is left in the end."""
     problem, poses, _, _ = scene(60, disturbed=0.0)
@@ -97,7 +95,6 @@ def test_new_features_carry_on_what_the_refined_ones_show():
     assert away(local_map.poses[30:], poses[30:]) < 0.1
 
 
-@pytest.mark.slow
 def test_frames_of_a_rolling_shutter_are_posed_at_their_middle_rows():
     """As those of a global shutter they are 0.2 m off on average."""
     problem, poses = rolling_drive(noise_px=0.0, frames=60, landmarks=700, disturbed=0.0)
@@ -107,7 +104,6 @@ def test_frames_of_a_rolling_shutter_are_posed_at_their_middle_rows():
     assert away(local_map.poses[40:], poses[40:]) < 0.02
 
 
-@pytest.mark.slow
 def test_discarded_frames_and_removed_positions_stay_so():
     local_map, refined = grown()
     twin, same = grown()
@@ -124,7 +120,6 @@ def test_discarded_frames_and_removed_positions_stay_so():
     np.testing.assert_allclose(twin.points[twin.ids], local_map.points[local_map.ids], atol=1e-12)
 
 
-@pytest.mark.slow
 def test_features_without_a_refined_position_are_listed():
     local_map, refined = grown()
     new = reconciled(refined, local_map)
@@ -134,7 +129,6 @@ def test_features_without_a_refined_position_are_listed():
     assert set(refined.ids[:2]) <= set(reconciled(refined, local_map))
 
 
-@pytest.mark.slow
 def test_a_snapshot_does_not_follow_the_map():
     local_map, _ = grown()
     snapshot = local_map.snapshot()
@@ -150,7 +144,6 @@ def test_a_snapshot_does_not_follow_the_map():
     assert snapshot.next_frame == 60 == local_map.next_frame - 1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("frames", [41, 60])
 def test_nothing_changes_where_stage_c_changed_nothing(frames):
     problem, _, _, _ = scene(60, disturbed=0.0)
@@ -162,7 +155,6 @@ def test_nothing_changes_where_stage_c_changed_nothing(frames):
     np.testing.assert_allclose(local_map.points, before[1], atol=1e-12)
 
 
-@pytest.mark.slow
 def test_zero_motions_since_the_snapshot_take_its_scale():
     local_map, refined = grown()
     held = tuple(ZeroMotion(frame, 30, np.eye(4) + np.eye(4, k=3), np.ones(6)) for frame in (38, 45))

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import vgps
 
+pytestmark = pytest.mark.slow
+
 FEWER_FEATURES = fewer_features(200)
 
 
@@ -26,7 +28,6 @@ def right(opened, shared_run):
     return shared_run("brief_kitti07_imu", lambda: vgps.smooth(opened, FEWER_FEATURES))
 
 
-@pytest.mark.slow
 def test_a_wrong_mounting_is_named_and_changes_nothing(opened, right):
     without = vgps.smooth(replace(opened, imu=None), FEWER_FEATURES)
     turn = Rotation.from_euler("y", 6.0, degrees=True).as_matrix()
@@ -46,7 +47,6 @@ def test_a_wrong_mounting_is_named_and_changes_nothing(opened, right):
         assert (np.abs(off) < 3.0 * np.array(found[name.format("sigma_")])).all()
 
 
-@pytest.mark.slow
 def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(opened, right):
     late = replace(opened, imu=replace(opened.imu, t_s=opened.imu.t_s + 0.06))
     found = vgps.smooth(late, FEWER_FEATURES)
@@ -57,7 +57,6 @@ def test_a_clock_that_is_far_off_is_corrected_before_the_imu_counts(opened, righ
     assert found.sensors.imu != {}
 
 
-@pytest.mark.slow
 def test_without_fixes_the_imu_predicts_rotations_only(opened):
     alone = vgps.smooth(first_frames(replace(opened, gps=None), 30), FEWER_FEATURES)
     assert any("only predicted rotations" in text for text in alone.warnings)

@@ -10,8 +10,9 @@ from vgps.evaluation import evaluate
 from vgps.model import FixClass
 from vgps.readers.recording import open_recording
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize("name", [*DIALECTS, "mavic_2_style"])
 def test_fixes_are_at_their_times_and_places(recording, tmp_path, name):
     opened, true = open_recording(write_drone_video(recording, tmp_path, name)), open_recording(recording).gps
@@ -29,7 +30,6 @@ def test_fixes_are_at_their_times_and_places(recording, tmp_path, name):
         np.testing.assert_allclose(np.diff(log.height_m), np.diff(true.height_m), atol=0.11)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["m2zoom", "mavic_2_style"])
 def test_one_command_smooths_a_drone_s_video(brief, tmp_path, vgps_verb, name):
     # the walk is shorter than the region of the class single needs: a survey gives a smaller one

@@ -9,6 +9,8 @@ import pytest
 import vgps
 from scripts.benchmarks import accuracy
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def rows_of(brief, tmp_path, monkeypatch):
@@ -22,7 +24,6 @@ def rows_of(brief, tmp_path, monkeypatch):
     return rows_of
 
 
-@pytest.mark.slow
 def test_each_video_has_a_row(rows_of, capsys):
     rows = rows_of("--reencode", "30")
     for row in rows:
@@ -33,7 +34,6 @@ def test_each_video_has_a_row(rows_of, capsys):
     assert capsys.readouterr().out.splitlines()[-1].startswith("| crf 30 | gps | 0.000 | 0.000 | 0 | 45 | ")
 
 
-@pytest.mark.slow
 def test_each_clock_and_seed_is_run(rows_of, brief, monkeypatch, capsys):
     runs = []
     monkeypatch.setattr(accuracy, "one_run", lambda *run: runs.append(run) or {"seed": run[1], "frames": 45})

@@ -7,8 +7,9 @@ from vgps.simulate.motion import build_motion, center_line
 from vgps.simulate.scene import SCENES
 from vgps.simulate.street import build_world
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize("name", ["demo", "drive"])
 def test_nothing_stands_on_the_cameras_path(name: str) -> None:
     config = replace(SCENES[name], texture_scale=0.05)
@@ -25,7 +26,6 @@ def test_nothing_stands_on_the_cameras_path(name: str) -> None:
     assert np.linalg.norm(camera[None, :, :2] - nearest, axis=2).min() > 0.5
 
 
-@pytest.mark.slow
 def test_traffic_moves_and_is_there_only_when_asked_for() -> None:
     config = replace(SCENES["demo"], texture_scale=0.05)
     still = build_world(config, np.random.default_rng(4))
@@ -35,7 +35,6 @@ def test_traffic_moves_and_is_there_only_when_asked_for() -> None:
     assert speed.tolist() == [0.0, 1.3, 4.0]
 
 
-@pytest.mark.slow
 def test_the_ground_reaches_beyond_the_ends_of_the_path() -> None:
     config = replace(SCENES["drive"], texture_scale=0.05)
     world = build_world(config, np.random.default_rng(4))

@@ -15,6 +15,8 @@ from vgps.smoothing.stage_c.fixed_lag import FixedLagGraph
 from vgps.smoothing.stage_c.incremental_window import IncrementalWindow
 from vgps.smoothing.stage_c.window import optimise_window
 
+pytestmark = pytest.mark.slow
+
 LAST = (19, 29, 39, 49, 59)  # newest frame of each window
 TILTED = StartConfig(level_sigma_deg=1e3, pitch_sigma_deg=1e3)  # the drive's world is not east, north, up
 WHOLE = Config(window=WindowConfig(length_frames=60, iterations=20), start=TILTED)
@@ -50,7 +52,6 @@ def continues(engine, local_map):
     return engine._graph is not None and engine._knows(local_map)
 
 
-@pytest.mark.slow
 def test_with_all_frames_in_the_window_it_ends_near_the_minimum():
     problem, true, t_s, fixes = tracked_scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]))
@@ -62,7 +63,6 @@ def test_with_all_frames_in_the_window_it_ends_near_the_minimum():
     assert away(local_map.poses, true) < 1.5 * away(whole.poses, true) < 0.05
 
 
-@pytest.mark.slow
 def test_fixes_leave_when_they_are_rejected_and_come_late(monkeypatch):
     problem, _, t_s, fixes = tracked_scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), last=(29, 59))
@@ -83,7 +83,6 @@ def test_fixes_leave_when_they_are_rejected_and_come_late(monkeypatch):
     assert entered == [set(), time_s, time_s] and left == [time_s, set(), time_s]
 
 
-@pytest.mark.slow
 def test_older_frames_leave_the_window_and_stay():
     problem, true, t_s, fixes = tracked_scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:4])
@@ -94,7 +93,6 @@ def test_older_frames_leave_the_window_and_stay():
     assert away(local_map.poses[35:], true[35:]) < 0.1 and continues(engine, local_map)
 
 
-@pytest.mark.slow
 def test_features_without_parallax_follow_the_frames_that_saw_them_last(monkeypatch):
     problem, _, t_s, fixes = tracked_scene()
     monkeypatch.setattr(window_factors, "_MIN_PARALLAX_RAD", np.radians(8.0))
@@ -114,7 +112,6 @@ def test_features_without_parallax_follow_the_frames_that_saw_them_last(monkeypa
         np.testing.assert_allclose((after.points[k] - new[:3, 3]) @ new[:3, :3], in_camera, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_a_map_that_something_else_moved_is_taken_up_anew():
     problem, _, t_s, fixes = tracked_scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:3])
@@ -128,7 +125,6 @@ def test_a_map_that_something_else_moved_is_taken_up_anew():
     assert engine.failures == 0
 
 
-@pytest.mark.slow
 def test_where_isam2_fails_the_window_is_that_of_the_other_solver(monkeypatch):
     problem, _, t_s, fixes = tracked_scene()
     local_map, engine = windows(problem, lambda newest: fixes.until(t_s[newest]), SHORT, LAST[:3])
@@ -150,7 +146,6 @@ def test_where_isam2_fails_the_window_is_that_of_the_other_solver(monkeypatch):
     assert continues(engine, again) and engine.failures == 1
 
 
-@pytest.mark.slow
 def test_a_frame_that_nothing_ties_is_left_to_the_other_solver():
     problem, _, t_s, fixes = tracked_scene()
     problem = keep_observations(problem, problem.frame != 45)
@@ -162,7 +157,6 @@ def test_a_frame_that_nothing_ties_is_left_to_the_other_solver():
     assert engine.failures == 0
 
 
-@pytest.mark.slow
 def test_rolling_shutters_are_left_to_the_other_solver():
     problem, _, _, fixes = tracked_scene()
     rolling = replace(context(SHORT), camera=replace(CAMERA, readout_s=0.02))
@@ -173,7 +167,6 @@ def test_rolling_shutters_are_left_to_the_other_solver():
     assert not continues(engine, local_map)
 
 
-@pytest.mark.slow
 def test_a_map_outside_the_world_keeps_its_scale():
     problem, true, _, fixes = scene(disturbed=0.1)
     engine, local_map = IncrementalWindow(context(SHORT)), None

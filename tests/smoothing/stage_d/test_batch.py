@@ -13,6 +13,8 @@ from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
 
+pytestmark = pytest.mark.slow
+
 CONFIG = Config(sensors=SensorsConfig(estimate_time_offset="no"))
 SENSORS = Sensors.fixed(ANTENNA)
 
@@ -23,7 +25,6 @@ def whole(disturbed=0.5, seed=0):
     return made, true, fixes
 
 
-@pytest.mark.slow
 def test_poses_and_points_approach_the_truth_with_sigmas_and_costs():
     made, true, fixes = whole()
     found = optimise_batch(made, fixes, SENSORS, context(CONFIG))
@@ -34,7 +35,6 @@ def test_poses_and_points_approach_the_truth_with_sigmas_and_costs():
     assert not found.assessment.rejected.any()
 
 
-@pytest.mark.slow
 def test_both_solvers_reach_the_same_minimum():
     made, _, fixes = whole(disturbed=0.2)
     ends = [
@@ -58,7 +58,6 @@ def test_both_solvers_reach_the_same_minimum():
     np.testing.assert_allclose(*(end.trajectory.world_T_camera for end in ends), atol=2e-4)
 
 
-@pytest.mark.slow
 def test_an_outlier_is_rejected_and_a_wrongly_rejected_fix_is_used_again():
     made, true, fixes = whole(disturbed=0.2)
     wild = fixes.world_p_fix.copy()
@@ -76,7 +75,6 @@ def test_an_outlier_is_rejected_and_a_wrongly_rejected_fix_is_used_again():
     assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
-@pytest.mark.slow
 def test_without_fixes_two_held_frames_define_the_world():
     made, true, fixes = whole(disturbed=0.2)
     start = made.poses.copy()
@@ -88,7 +86,6 @@ def test_without_fixes_two_held_frames_define_the_world():
     assert away(found.trajectory.world_T_camera, true) < 0.3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("weight", ["per_frame", "per_observation"])
 def test_both_weightings_of_frames_converge(weight):
     made, true, fixes = whole(disturbed=0.2)
@@ -97,7 +94,6 @@ def test_both_weightings_of_frames_converge(weight):
     assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
-@pytest.mark.slow
 def test_submaps_that_cannot_be_cut_are_said_and_others_are_reported():
     made, _, fixes = whole(disturbed=0.2)
     observations = made.observations

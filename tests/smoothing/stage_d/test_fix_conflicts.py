@@ -23,6 +23,8 @@ from vgps.smoothing.stage_d import batch, fix_conflicts
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.solution import Verdict
 
+pytestmark = pytest.mark.slow
+
 SHARP = {"batch": {"video_sigma_scale": 1.0}}  # a video as exact as this one
 SHIFT = np.array([0.25, 0.2, -0.3])
 
@@ -63,7 +65,6 @@ def sigmas(found):
     return np.sqrt(np.trace(found.covariance[:, 3:, 3:], axis1=1, axis2=2))
 
 
-@pytest.mark.slow
 def test_a_run_of_wrong_fixes_is_found_and_no_longer_bends_the_path(monkeypatch):
     rows = [5, 6, 7, 8]
     found, error = result(log(*rows))
@@ -76,14 +77,12 @@ def test_a_run_of_wrong_fixes_is_found_and_no_longer_bends_the_path(monkeypatch)
     assert error < 0.2 * result(log(*rows))[1]
 
 
-@pytest.mark.slow
 def test_right_fixes_do_not_contradict_each_other():
     found, error = result(log())
     assert found.conflicts == () and error < 0.01
     assert not any("contradict each other" in text for text in found.warnings)
 
 
-@pytest.mark.slow
 def test_where_either_half_may_be_right_the_sigmas_cover_both():
     fixes = log(*range(8, 15))
     found, error = result(fixes.where(np.arange(14)))
@@ -96,7 +95,6 @@ def test_where_either_half_may_be_right_the_sigmas_cover_both():
     assert np.all(sigmas(plain) < 0.2 * size)
 
 
-@pytest.mark.slow
 def test_frames_before_and_after_the_fixes_hang_on_them_too():
     fixes = log(*range(8, 15)).where(np.r_[2:14])
     found, _ = result(fixes)
@@ -104,7 +102,6 @@ def test_frames_before_and_after_the_fixes_hang_on_them_too():
     assert conflict.frames == (0, 59) and np.all(sigmas(found) > 0.6 * np.linalg.norm(SHIFT))
 
 
-@pytest.mark.slow
 def test_frames_hang_on_the_stretch_of_fixes_around_them():
     fixes = log(*range(9, 12))
     found, _ = result(fixes.where(np.r_[0:4, 7:15]), gps={"memory": {"max_gap_s": 1.0}})
@@ -112,7 +109,6 @@ def test_frames_hang_on_the_stretch_of_fixes_around_them():
     assert conflict.frames == (12, 59)  # from the last fix before the gap on
 
 
-@pytest.mark.slow
 def test_windows_find_a_run_that_is_longer_than_they_are(monkeypatch):
     monkeypatch.setattr(fix_conflicts, "_WINDOW", 8)
     found, error = result(log(*range(4, 10)))
@@ -120,7 +116,6 @@ def test_windows_find_a_run_that_is_longer_than_they_are(monkeypatch):
     assert conflict.wrong.tolist() == list(range(4, 10)) and error < 0.05
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("located", [True, False])
 def test_fixes_between_those_compared_have_the_error_of_one_of_them(monkeypatch, located):
     monkeypatch.setattr(fix_conflicts, "_INTERVAL_S", 0.8)
@@ -139,7 +134,6 @@ def test_fixes_between_those_compared_have_the_error_of_one_of_them(monkeypatch,
         assert found.assessment.rejected[[5, 9]].all()
 
 
-@pytest.mark.slow
 def test_verdicts_that_took_the_wrong_side_are_reversed(monkeypatch):
     """Of fifteen fixes five are wrong; outlier detection took the others for RTK-floats."""
     fixes, wrong = log(0, 1, 2, 3, 4), np.arange(15) < 5
@@ -150,7 +144,6 @@ def test_verdicts_that_took_the_wrong_side_are_reversed(monkeypatch):
     assert error < 0.05
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("refused", [[0, 1, 2, 3], range(7)])
 def test_what_other_fixes_refute_stays_rejected(monkeypatch, refused):
     """Of seven RTK-fixes before coarse ones four are wrong, or all: verdicts know it by the coarse ones."""
@@ -161,7 +154,6 @@ def test_what_other_fixes_refute_stays_rejected(monkeypatch, refused):
     assert found.conflicts == () and np.flatnonzero(found.assessment.rejected).tolist() == list(refused)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "told"), [([5, 6, 7], False), (range(8, 15), True)])
 def test_what_verdicts_say_already_is_told_if_it_may_be_otherwise(monkeypatch, rows, told):
     wrong = np.isin(np.arange(15), rows)
@@ -170,7 +162,6 @@ def test_what_verdicts_say_already_is_told_if_it_may_be_otherwise(monkeypatch, r
     assert bool(result(log(*rows))[0].conflicts) == told
 
 
-@pytest.mark.slow
 def test_fixes_far_apart_in_time_are_not_compared():
     fixes = log(*range(8, 15))
     apart = fixes.where(np.r_[0:4, 11:15])
@@ -178,25 +169,21 @@ def test_fixes_far_apart_in_time_are_not_compared():
     assert found.conflicts == ()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{"outliers": {"enabled": False}}, {"gps": {"model": "cauchy"}}])
 def test_where_fixes_are_not_judged_there_are_no_conflicts(settings):
     assert result(log(5, 6, 7, 8), **settings)[0].conflicts == ()
 
 
-@pytest.mark.slow
 def test_what_the_path_may_err_by_is_no_error_of_fixes():
     assert result(log(5, 6, 7, 8), gps={"memory": {"path_share": 0.5}})[0].conflicts == ()
 
 
-@pytest.mark.slow
 def test_coarse_fixes_are_not_compared():
     fixes = log(5, 6, 7, 8)
     coarse = replace(fixes, fix_class=np.full(len(fixes), CLASSES.index(FixClass.SINGLE)))
     assert result(coarse)[0].conflicts == ()
 
 
-@pytest.mark.slow
 def test_wrong_integers_on_a_real_drive_no_longer_bend_its_path(data_dir: Path, kitti07_fixed) -> None:
     """Of 12 RTK-fixes four are 0.54 m off; without the check the path follows them by 0.2 m."""
     recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 120)

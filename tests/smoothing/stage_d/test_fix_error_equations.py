@@ -19,6 +19,8 @@ from vgps.smoothing.stage_d.batch_problem import BatchInput
 from vgps.smoothing.stage_d.fix_error_equations import fix_error_equations
 from vgps.solver.bundle_adjustment import solve
 
+pytestmark = pytest.mark.slow
+
 HELD = Sensors.fixed(ANTENNA)
 GAUSSIAN = Config().with_gps("gaussian-receiver").gps
 
@@ -68,7 +70,6 @@ def least_cost(fixes):
     return sum(solve(problem).report.cost_after.values())
 
 
-@pytest.mark.slow
 def test_the_gain_of_a_shift_is_what_the_solver_finds_without_it(known_sensors):
     """Oracle: the difference of two minima; the shift is small, so that a linearisation says both."""
     shift = np.array([0.02, -0.03, 0.01])
@@ -99,18 +100,15 @@ def gain(fixes):
     return 0.5 * equations.gradient.ravel() @ np.linalg.solve(regular, equations.gradient.ravel())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fixes", [with_late_clock(), with_other_antenna()], ids=["clock", "antenna"])
 def test_a_clock_or_a_lever_arm_that_is_wrong_contradicts_no_fix(fixes):
     assert gain(fixes) == pytest.approx(gain(scene()[3]), abs=0.1)
 
 
-@pytest.mark.slow
 def test_a_clock_that_is_right_makes_late_fixes_wrong(known_sensors):
     assert gain(with_late_clock()) > 5.0 * gain(scene()[3])
 
 
-@pytest.mark.slow
 def test_wrong_fixes_are_pulled_and_right_ones_are_not():
     assert gain(wrong(5, 9, [0.3, 0.0, 0.0])) > 5.0
     assert gain(scene()[3]) < 0.5

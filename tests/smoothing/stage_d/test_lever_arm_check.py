@@ -18,6 +18,8 @@ from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d import lever_arm_check
 from vgps.smoothing.stage_d.batch import optimise_batch
 
+pytestmark = pytest.mark.slow
+
 
 def doubts(warnings):
     return [text for text in warnings if "the lever arm has it" in text]
@@ -31,12 +33,10 @@ def drive(camera_p_antenna, fixes=None, heights=None):
     return optimise_batch(made, exact if fixes is None else fixes, sensors, context(Config())).warnings
 
 
-@pytest.mark.slow
 def test_a_right_lever_arm_is_not_doubted():
     assert doubts(drive(ANTENNA)) == []
 
 
-@pytest.mark.slow
 def test_a_known_height_is_another_vector_that_all_frames_share(monkeypatch):
     _, true, _, _ = scene()
     heights = HeightTies(
@@ -51,12 +51,10 @@ def test_a_known_height_is_another_vector_that_all_frames_share(monkeypatch):
     assert re.search(r"at least 0\.\d\d m back of", text)
 
 
-@pytest.mark.slow
 def test_without_fixes_there_is_nothing_to_doubt():
     assert doubts(drive(ANTENNA + np.array([0.0, 0.0, 1.0]), Fixes.empty())) == []
 
 
-@pytest.mark.slow
 def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: Path, kitti07_fixed) -> None:
     recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 100)
     rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + np.array([-1.0, 0.0, 0.0]))
@@ -66,7 +64,6 @@ def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: P
     assert doubts(kitti07_fixed.warnings) == []
 
 
-@pytest.mark.slow
 def test_an_antenna_far_from_the_camera_gets_the_prior_of_a_separate_one(monkeypatch) -> None:
     """The synthetic drive's antenna is 0.68 m from the camera; its turns are gentle."""
     problem, true, _, exact = scene(disturbed=0.2)

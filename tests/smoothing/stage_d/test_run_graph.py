@@ -38,6 +38,8 @@ from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.levenberg_marquardt import SolverSettings
 from vgps.writers.run_folder import write_run
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -77,7 +79,6 @@ def check_minimum(solution, graph, values, gain=1e-6, moves_m=1e-3):
     assert max(moved) < moves_m
 
 
-@pytest.mark.slow
 def test_the_graph_of_a_run_folder_is_at_its_minimum(run):
     solution = read_run(run)
     graph, values = vgps.factor_graph(run)
@@ -166,7 +167,6 @@ def controls_and_a_stop():
     return {"controls": controls, "zero_motions": (stop,)}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("error_model", ["memory", "independent"])
 def test_every_part_of_stage_d_survives_the_run_folder(error_model, tmp_path):
     config = Config(
@@ -186,7 +186,6 @@ def test_every_part_of_stage_d_survives_the_run_folder(error_model, tmp_path):
     check_minimum(solution, graph, values)
 
 
-@pytest.mark.slow
 def test_velocities_and_biases_of_an_imu_are_in_the_graph(tmp_path):
     solution = batch_run(Config(batch=BatchConfig(relative_tolerance=1e-9)), with_imu=True)
     write_run(solution, tmp_path / "run")
@@ -200,7 +199,6 @@ def test_velocities_and_biases_of_an_imu_are_in_the_graph(tmp_path):
     assert types.count("ImuFactor") == knots - 1 >= 8
 
 
-@pytest.mark.slow
 def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
     given, to_graph = [], gtsam_backend.to_graph
 
@@ -220,7 +218,6 @@ def test_gtsam_as_the_solver_optimises_exactly_this_graph(monkeypatch):
         assert graph.at(k).error(here) == pytest.approx(last.at(k).error(there), rel=1e-9, abs=1e-12), k
 
 
-@pytest.mark.slow
 def test_a_video_alone_keeps_its_held_frames():
     solution = vgps.smooth(room_recording(path(16)), ROOM_CONFIG)
     graph, values = vgps.factor_graph(solution)
@@ -231,7 +228,6 @@ def test_a_video_alone_keeps_its_held_frames():
     np.testing.assert_allclose(end.atPose3(held).matrix(), values.atPose3(held).matrix(), atol=1e-12)
 
 
-@pytest.mark.slow
 def test_a_refined_camera_is_that_of_the_graph(brief):
     config = Config(intrinsics=IntrinsicsConfig(refine="yes"))
     solution = vgps.smooth(vgps.open_recording(brief), config)
@@ -239,7 +235,6 @@ def test_a_refined_camera_is_that_of_the_graph(brief):
     check_minimum(solution, *vgps.factor_graph(solution))
 
 
-@pytest.mark.slow
 def test_the_fast_engine_ends_at_gtsams_minimum_on_a_real_drive(data_dir):
     drive = vgps.open_recording(data_dir / "kitti07", gps="gps_ublox.nmea")
     solution = vgps.smooth(first_frames(drive, 60))
@@ -249,7 +244,6 @@ def test_the_fast_engine_ends_at_gtsams_minimum_on_a_real_drive(data_dir):
     check_minimum(solution, graph, values, gain=1e-4, moves_m=0.01)
 
 
-@pytest.mark.slow
 def test_gtsam_ends_at_the_fast_engines_minimum_on_a_real_drive_with_an_imu(data_dir):
     drive = vgps.open_recording(data_dir / "kitti07", gps="gps_float.nmea", rig="rig_imu.yaml")
     drive = first_frames(drive, 50)
@@ -270,7 +264,6 @@ def test_gtsam_ends_at_the_fast_engines_minimum_on_a_real_drive_with_an_imu(data
     assert max(moved_m) < 0.01
 
 
-@pytest.mark.slow
 def test_a_graph_from_before_correlations_has_none(run):
     solution = read_run(run)
     older = {name: array for name, array in solution.graph.items() if name != "fixes.correlation"}
@@ -278,7 +271,6 @@ def test_a_graph_from_before_correlations_has_none(run):
     assert values.size() == vgps.factor_graph(solution)[1].size()
 
 
-@pytest.mark.slow
 def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):
     solution = replace(read_run(run), graph=None)
     write_run(solution, tmp_path / "run")
@@ -288,7 +280,6 @@ def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):
         vgps.factor_graph(solution)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [
@@ -307,7 +298,6 @@ def test_a_graph_that_is_not_that_of_the_run_is_refused(run, key, change, messag
         vgps.factor_graph(replace(solution, graph=arrays))
 
 
-@pytest.mark.slow
 def test_the_example_of_the_readme_runs(run, monkeypatch, capsys):
     monkeypatch.chdir(run.parent)
     text = (ROOT / "vgps/smoothing/README.md").read_text(encoding="utf-8")
