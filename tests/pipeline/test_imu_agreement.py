@@ -10,7 +10,8 @@ from vgps.pipeline import imu_agreement as module
 from vgps.pipeline.imu_agreement import imu_agreement
 from vgps.runtime.progress import NoProgress
 
-TURNED, LATE, NOTHING = Agreement("it is mounted otherwise"), Agreement(None, 0.004, 0.001), Agreement(None)
+TURNED, UNLIKE = Agreement("it is mounted otherwise"), Agreement("its rates and those of the video differ")
+LATE, NOTHING = Agreement(None, 0.004, 0.001), Agreement(None)
 
 
 @pytest.mark.parametrize(
@@ -18,7 +19,7 @@ TURNED, LATE, NOTHING = Agreement("it is mounted otherwise"), Agreement(None, 0.
     [
         (LATE, TURNED, LATE),  # pictures are not asked
         (TURNED, LATE, LATE),
-        (TURNED, Agreement("its rates and those of the video correlate to 0.20 only"), None),
+        (TURNED, UNLIKE, UNLIKE),
         (TURNED, NOTHING, TURNED),  # pictures show nothing, as in the dark
     ],
 )
@@ -28,4 +29,4 @@ def test_pictures_decide_where_maps_contradict_an_imu(monkeypatch, by_maps, by_p
     monkeypatch.setattr(module, "path_rotations", lambda _: "maps")
     monkeypatch.setattr(module, "agreement", lambda rotations, _: by_maps if rotations == "maps" else None)
     monkeypatch.setattr(module, "pictures_agreement", lambda *_: by_pictures)
-    assert imu_agreement(front_end, Config(), NoProgress()) == (believed or by_pictures)
+    assert imu_agreement(front_end, Config(), NoProgress()) is believed

@@ -115,19 +115,19 @@ def _contradicts(
 ) -> bool:
     """Whether the pairs are likelier under another guess, and by more than chance would do.
 
-    Where the motion does not show the lens, as of a camera that moves level above flat ground, one that is
-    less certain lets the geometry of each pair follow the errors of its features. These are not independent
-    within a pair, but nearly so between pairs. What pairs do show pulls a fit away from a wrong statement.
+    Where the motion does not show the lens, as of a camera that moves level above flat ground, a less certain
+    guess lets the geometry of each pair follow the errors of its features. These are not independent within a
+    pair, but nearly so between pairs. What the pairs do show pulls a fit away from a wrong statement.
     """
     if _log_likelihood(*other) - _log_likelihood(*kept) < _LOG_ODDS:
         return False
-    (guess, kept_fit), (freer, other_fit) = kept, other
+    (guess, kept_fit), (other_guess, other_fit) = kept, other
     off = kept_fit.parameters[0] - parameters_of(guess.camera)[0]
     if kept_fit.model == other_fit.model and abs(off) > _PULLED_SIGMAS * guess.focal_sigma:
         return True
     gain = pair_losses(pairs, kept_fit, noise_px) - pair_losses(pairs, other_fit, noise_px)
     chance = _SIGNIFICANT_SIGMAS * float(np.sqrt(len(gain)) * np.std(gain))
-    if guess.focal_sigma < freer.focal_sigma:
+    if guess.focal_sigma < other_guess.focal_sigma:
         chance += _PAIR_UNKNOWNS / 2 * len(gain)
     return float(gain.sum()) > chance
 

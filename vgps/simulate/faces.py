@@ -9,7 +9,7 @@ from vgps.simulate.canvas import Canvas
 from vgps.simulate.polygons import NEAR_M, Plane, Polygon, clipped
 from vgps.simulate.world import World
 
-_BESIDE_M = 1e-6
+_BESIDE_M = 1e-6  # from the plane of a parallelogram
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def texture_maps(
     origin, u, v = _in_camera(world, rows, world_T_camera, t_s)
     normal = np.cross(u, v)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    # from within its own plane a parallelogram has no map, and is the line that it is from just beside it
+    # seen from its own plane a parallelogram has no map; from just beside that it is the same line
     within = np.abs(np.einsum("ni,ni->n", origin, normal)) < _BESIDE_M
     origin += _BESIDE_M * within[:, None] * normal
     texture_h_px: FloatArray = np.linalg.inv(K @ np.stack([u, v, origin], axis=-1)).astype(np.float64)
