@@ -30,7 +30,7 @@ def gps_factor(
     Raises:
         ValueError: The fix or the antenna is not three finite numbers.
     """
-    fix, antenna = _point(world_p_fix, "world_p_fix"), _point(camera_p_antenna, "camera_p_antenna")
+    fix, antenna = _vector(world_p_fix, "world_p_fix"), _vector(camera_p_antenna, "camera_p_antenna")
 
     def error(world_T_camera: gtsam.Pose3) -> Linearisation:
         residual, by_pose, _ = _residual(world_T_camera, fix, antenna, penalty)
@@ -65,9 +65,8 @@ def gps_factor_interpolated(
     Raises:
         ValueError: alpha is outside 0..1, or the fix or the antenna is not three finite numbers.
     """
-    if not 0 <= alpha <= 1:
-        raise ValueError(f"alpha is {alpha}, expected 0 to 1: the fix is not between the two frames")
-    fix, antenna = _point(world_p_fix, "world_p_fix"), _point(camera_p_antenna, "camera_p_antenna")
+    _check_between(alpha)
+    fix, antenna = _vector(world_p_fix, "world_p_fix"), _vector(camera_p_antenna, "camera_p_antenna")
 
     def error(world_T_a: gtsam.Pose3, world_T_b: gtsam.Pose3, *offset: FloatArray) -> Linearisation:
         pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
@@ -82,34 +81,37 @@ def gps_factor_interpolated(
 def gps_factor_calibrating(
     pose_keys: tuple[int, int],
     sensor_keys: tuple[int, int],
-    times_s: tuple[float, float, float],
+    alpha: float,
     world_p_fix: FloatArray,
+    world_v_antenna: FloatArray,
     penalty: Penalty,
     offset_key: int | None = None,
 ) -> gtsam.CustomFactor:
     """Return a factor for a fix whose time offset and lever arm are estimated with the poses.
 
-    Residual (3,): as :func:`gps_factor_interpolated`, at
-    ``alpha = (t_fix - time_offset - t_a) / (t_b - t_a)``, which may leave 0..1: the motion between the frames
-    is extrapolated. Jacobians: (3, 6) to T_a and to T_b; (3, 1) to the time offset, minus the antenna's
-    velocity; (3, 3) to the antenna, the rotation; (3, 3) to the offset.
+    Residual (3,): as :func:`gps_factor_interpolated`, with the antenna where it was by the time offset
+    earlier: ``antenna - time_offset * world_v_antenna``. The velocity is given. Were it that of the two
+    poses, it would have their noise, and fixes many times a second would agree best where a large time offset
+    lets the poses' noise follow that of the fixes.
+
+    Jacobians: (3, 6) to T_a and to T_b; (3, 1) to the time offset, minus the velocity; (3, 3) to the antenna,
+    the rotation; (3, 3) to the offset of the solution.
 
     Args:
         pose_keys: Keys of the poses of frames a and b.
-        sensor_keys: Key of the time offset, a vector (1,), seconds; key of the antenna, a vector (3,) in the
-            camera frame, metres.
-        times_s: t_a, t_b, and t_fix by the receiver's clock.
+        sensor_keys: Key of the time offset, a vector (1,), seconds beyond the one in alpha; key of the
+            antenna, a vector (3,) in the camera frame, metres.
+        alpha: ``(t_fix - t_a) / (t_b - t_a)``, from 0 to 1.
         world_p_fix: (3,) ENU metres.
+        world_v_antenna: (3,) velocity of the antenna at the fix, m/s.
         penalty: Penalty on the offset of the antenna from the fix.
         offset_key: As in :func:`gps_factor_interpolated`.
 
     Raises:
-        ValueError: The frames are not in order of time, or the fix is not three finite numbers.
+        ValueError: alpha is outside 0..1, or the fix or the velocity is not three finite numbers.
     """
-    t_a, t_b, t_fix = times_s
-    if not t_a < t_b:
-        raise ValueError(f"frames at {t_a} and {t_b} s, expected the earlier one first")
-    fix = _point(world_p_fix, "world_p_fix")
+    _check_between(alpha)
+    fix, velocity = _vector(world_p_fix, "world_p_fix"), _vector(world_v_antenna, "world_v_antenna")
 
     def error(
         world_T_a: gtsam.Pose3,
@@ -118,13 +120,11 @@ def gps_factor_calibrating(
         antenna: FloatArray,
         *offset: FloatArray,
     ) -> Linearisation:
-        alpha = (t_fix - float(time_offset[0]) - t_a) / (t_b - t_a)
         pose_by_a, pose_by_b = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
         world_T_camera = world_T_a.slerp(alpha, world_T_b, pose_by_a, pose_by_b)
-        residual, by_pose, by_offset = _residual(world_T_camera, fix - sum(offset), antenna, penalty)
-        # d pose / d alpha is the twist Log(T_a^-1 T_b), in the camera's axes
-        twist = gtsam.Pose3.Logmap(world_T_a.between(world_T_b))
-        by_time_offset = -(by_pose @ twist)[:, None] / (t_b - t_a)
+        at = fix - sum(offset) + time_offset[0] * velocity
+        residual, by_pose, by_offset = _residual(world_T_camera, at, antenna, penalty)
+        by_time_offset = -(by_offset @ velocity)[:, None]
         # a translation in the camera's axes shifts the antenna by as much
         by_antenna = by_pose[:, 3:]
         by_poses = [by_pose @ pose_by_a, by_pose @ pose_by_b]
@@ -180,9 +180,14 @@ def _residual(
     return residual, residual_by_offset @ antenna_by_pose, residual_by_offset
 
 
-def _point(point: FloatArray, name: str) -> FloatArray:
+def _check_between(alpha: float) -> None:
+    if not 0 <= alpha <= 1:
+        raise ValueError(f"alpha is {alpha}, expected 0 to 1: the fix is not between the two frames")
+
+
+def _vector(vector: FloatArray, name: str) -> FloatArray:
     # a copy, so that the factor does not change with the caller's array
-    copy = np.array(point, dtype=np.float64)
+    copy = np.array(vector, dtype=np.float64)
     if copy.shape != (3,) or not np.isfinite(copy).all():
-        raise ValueError(f"{name} is {copy.tolist()}, expected three finite numbers in metres")
+        raise ValueError(f"{name} is {copy.tolist()}, expected three finite numbers")
     return copy

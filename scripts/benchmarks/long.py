@@ -16,7 +16,7 @@ from scripts.common.command import ScriptParser
 from scripts.common.lengths import Figures, measure_lengths
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import Fixes, antenna_velocities
 from vgps.gps.outlier_detection import detect_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset
@@ -43,7 +43,9 @@ def repeated(given: BatchInput, times: int) -> BatchInput:
     observations, points = _observations(scene, times)
     points += rng.normal(0.0, _START_M, points.shape)
     fixes = _fixes(given.fixes, scene.t_s[0], last * interval_s, times)
-    return replace(given, scene=Scene(t_s, poses, points, observations), fixes=fixes, fixed=None)
+    scene = Scene(t_s, poses, points, observations)
+    velocity = antenna_velocities(scene.trajectory, fixes.t_s, given.sensors.camera_p_antenna)
+    return replace(given, scene=scene, fixes=fixes, fixed=None, antenna_velocity=velocity)
 
 
 def _observations(scene: Scene, times: int) -> tuple[Observations, FloatArray]:

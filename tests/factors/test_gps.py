@@ -166,35 +166,46 @@ def with_sensors(values, time_offset_s, antenna=ANTENNA):
     st.sampled_from(PENALTIES),
     twists,
     twists,
+    alphas,
     st.floats(-0.4, 0.4),
-    arrays(np.float64, 3, elements=st.floats(-5, 5)),
+    arrays(np.float64, (2, 3), elements=st.floats(-5, 5)),
 )
 def test_jacobians_with_time_offset_and_lever_arm(
-    check_jacobians, penalty, twist, motion, time_offset_s, offset
+    check_jacobians, penalty, twist, motion, alpha, time_offset_s, vectors
 ):
     values = with_sensors(values_of(pose(twist), pose(twist).compose(pose(motion))), time_offset_s)
-    alpha = (0.35 - time_offset_s) / 0.5
-    fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offset
-    factor = gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), (2.0, 2.5, 2.35), fix, penalty)
+    fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - vectors[0]
+    factor = gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), alpha, fix, vectors[1], penalty)
     check_jacobians(factor, values, tolerance=1e-5)
 
 
 @pytest.mark.slow
-@given(st.sampled_from(PENALTIES), twists, twists, st.floats(0, 1))
-def test_known_time_offset_is_a_fix_at_another_time(penalty, twist, motion, alpha):
+@given(
+    st.sampled_from(PENALTIES),
+    twists,
+    twists,
+    alphas,
+    st.floats(-0.4, 0.4),
+    arrays(np.float64, 3, elements=st.floats(-30, 30)),
+)
+def test_a_known_time_offset_moves_the_fix_ahead(penalty, twist, motion, alpha, time_offset_s, velocity):
     poses = pose(twist), pose(twist).compose(pose(motion))
     fix = poses[0].transformFrom(ANTENNA) + np.array([1.0, -2.0, 3.0])
-    between = gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty)
-    late = gps_factor_calibrating(
-        (A, B), (TIME_OFFSET, LEVER), (2.0, 2.5, 2.0 + 0.5 * alpha + 0.3), fix, penalty
+    ahead = gps_factor_interpolated((A, B), alpha, fix + time_offset_s * velocity, ANTENNA, penalty)
+    late = gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), alpha, fix, velocity, penalty)
+    expected = ahead.error(values_of(*poses))
+    assert late.error(with_sensors(values_of(*poses), time_offset_s)) == pytest.approx(
+        expected, rel=1e-7, abs=1e-9
     )
-    expected = between.error(values_of(*poses))
-    assert late.error(with_sensors(values_of(*poses), 0.3)) == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
-def test_frames_out_of_order_are_refused():
-    with pytest.raises(ValueError, match="earlier one first"):
-        gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), (2.0, 2.0, 2.0), np.zeros(3), PENALTIES[0])
+@pytest.mark.parametrize(
+    ("alpha", "velocity", "message"),
+    [(1.2, np.zeros(3), "alpha is 1.2"), (0.5, np.full(3, np.nan), "world_v_antenna is")],
+)
+def test_a_fix_beside_its_frames_and_an_unknown_velocity_are_refused(alpha, velocity, message):
+    with pytest.raises(ValueError, match=message):
+        gps_factor_calibrating((A, B), (TIME_OFFSET, LEVER), alpha, np.zeros(3), velocity, PENALTIES[0])
 
 
 @pytest.mark.slow
@@ -207,8 +218,8 @@ def test_jacobians_with_an_offset_of_the_solution(check_jacobians, penalty, twis
     values.insert(OFFSET, offsets[0])
     fix = values.atPose3(A).slerp(alpha, values.atPose3(B)).transformFrom(ANTENNA) - offsets[1]
     check_jacobians(gps_factor_interpolated((A, B), alpha, fix, ANTENNA, penalty, OFFSET), values)
-    times, keys = (2.0, 2.5, 2.0 + 0.5 * alpha), (TIME_OFFSET, LEVER)
-    factor = gps_factor_calibrating((A, B), keys, times, fix, penalty, OFFSET)
+    keys, velocity = (TIME_OFFSET, LEVER), np.array([3.0, -1.0, 0.5])
+    factor = gps_factor_calibrating((A, B), keys, alpha, fix, velocity, penalty, OFFSET)
     check_jacobians(factor, with_sensors(values, 0.02), tolerance=1e-5)
 
 

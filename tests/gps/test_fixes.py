@@ -2,13 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from solutions import make_gps_log
 
 from factors import Cylinder, Ellipsoid
 from vgps.config import Config, GpsConfig, Region
-from vgps.gps.fixes import fixes_in_world, penalty
+from vgps.gps.fixes import antenna_velocities, fixes_in_world, penalty
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import FixClass
+from vgps.solution import Trajectory
 
 CLASSES = (FixClass.RTK_FIX, FixClass.RTK_FLOAT, FixClass.SINGLE)
 SURVEYED = GpsConfig(
@@ -89,3 +91,33 @@ def test_fixes_are_of_an_rtk_receiver_if_any_is_of_such_a_class():
     some = fixes(Config().gps)
     assert some.are_rtk and some.where(np.array([1])).are_rtk
     assert not some.where(np.array([2])).are_rtk and not some.where(np.zeros(0, int)).are_rtk
+
+
+def driven(t_s, at):
+    """A path along the x axis, turned by 90 degrees a second about the vertical."""
+    poses = np.tile(np.eye(4), (len(t_s), 1, 1))
+    poses[:, :3, :3] = Rotation.from_rotvec(np.outer(t_s, [0.0, 0.0, np.pi / 2])).as_matrix()
+    poses[:, 0, 3] = at
+    return Trajectory(t_s, poses)
+
+
+def test_the_velocity_at_a_fix_is_that_of_the_second_around_it():
+    """The camera brakes, 2 t - t^2 / 10; the antenna goes around it from 45 degrees before to 45 after."""
+    t_s = np.arange(0.0, 6.05, 0.1)
+    found = antenna_velocities(
+        driven(t_s, 2.0 * t_s - 0.1 * t_s**2), np.array([2.0]), np.array([1.0, 0.0, 0.0])
+    )
+    np.testing.assert_allclose(found, [[1.6, -np.sqrt(2.0), 0.0]], atol=1e-12)
+
+
+def test_at_the_ends_and_beyond_them_the_velocity_is_that_of_less_than_a_second():
+    t_s = np.arange(0.0, 3.05, 0.1)
+    found = antenna_velocities(driven(t_s, t_s**2), np.array([-9.0, 0.0, 2.9, 9.0]), np.zeros(3))
+    np.testing.assert_allclose(found[:, 0], [0.5, 0.5, 5.4, 5.5], atol=1e-12)
+
+
+def test_noise_of_the_poses_is_no_velocity():
+    t_s = np.arange(0.0, 3.02, 1 / 30)
+    path = driven(t_s, 1.5 * t_s + np.where(np.arange(len(t_s)) % 2, 0.005, -0.005))  # 0.3 m/s by frame
+    found = antenna_velocities(path, np.arange(0.6, 2.4, 0.1), np.zeros(3))
+    np.testing.assert_allclose(found[:, 0], 1.5, atol=0.011)

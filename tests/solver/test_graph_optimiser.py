@@ -106,11 +106,9 @@ def test_time_offset_and_lever_arm_are_estimated_with_the_poses() -> None:
     graph, values = to_graph(replace(problem, pose_graph=gtsam.NonlinearFactorGraph()))
     antenna = truth[:, :3, 3] + truth[:, :3, :3] @ ANTENNA
     for i in range(23):
-        at = (float(i), i + 1.0, i + 0.5)
-        between = 0.5 * (antenna[i] + antenna[i + 1])
-        graph.push_back(
-            gps_factor_calibrating((X(i), X(i + 1)), (A(0), B(0)), at, between, Gaussian((0.01, 0.01, 0.01)))
-        )
+        between, velocity = 0.5 * (antenna[i] + antenna[i + 1]), antenna[i + 1] - antenna[i]
+        keys, penalty = ((X(i), X(i + 1)), (A(0), B(0))), Gaussian((0.01, 0.01, 0.01))
+        graph.push_back(gps_factor_calibrating(*keys, 0.5, between, velocity, penalty))
     graph.push_back(gtsam.PriorFactorVector(A(0), np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 0.1)))
     graph.push_back(gtsam.PriorFactorVector(B(0), np.zeros(3), gtsam.noiseModel.Isotropic.Sigma(3, 1.0)))
     values.insert(A(0), np.zeros(1))
@@ -225,9 +223,9 @@ def test_gtsam_eliminates_landmarks_before_lever_arms(monkeypatch) -> None:
     values.insert(A(0), np.zeros(1))
     values.insert(B(0), ANTENNA)
     for i in (2, 20):
-        at = (float(i), i + 1.0, i + 0.5)
-        fix, penalty = values.atPose3(X(i)).translation(), Gaussian((0.1, 0.1, 0.1))
-        graph.push_back(gps_factor_calibrating((X(i), X(i + 1)), (A(0), B(0)), at, fix, penalty))
+        keys, penalty = ((X(i), X(i + 1)), (A(0), B(0))), Gaussian((0.1, 0.1, 0.1))
+        fix, velocity = values.atPose3(X(i)).translation(), np.array([0.1, -0.2, 0.6])
+        graph.push_back(gps_factor_calibrating(*keys, 0.5, fix, velocity, penalty))
     orders = []
     own = optimise_with_gtsam
     monkeypatch.setattr(graph_optimiser, "optimise_with_gtsam", lambda *a: orders.append(a[2]) or own(*a))

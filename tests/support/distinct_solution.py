@@ -46,6 +46,7 @@ def make_graph_arrays() -> dict[str, np.ndarray]:
         "offsets": rng.normal(size=(2, 3)),
         "c0": np.array([0.015]),
         "d0": np.array([0.055, -0.935, -0.325]),
+        "antenna_velocity": rng.normal(size=(2, 3)),
         "h0": np.array([1.66]),
         "held": np.array([True, False, False, True]),
         "video_sigma_scale": np.array(8.5),

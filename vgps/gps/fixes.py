@@ -8,6 +8,7 @@ from gtsam.symbol_shorthand import X
 
 from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_calibrating, gps_factor_interpolated
 from vgps.config import GpsConfig
+from vgps.geometry import interpolate_vectors
 from vgps.gps.regions import ellipsoid_shapes, enlarged, lower_class, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
@@ -17,6 +18,7 @@ CLASSES = tuple(FixClass)
 """Fix classes in the order of their indices."""
 _RTK = [CLASSES.index(FixClass.RTK_FIX), CLASSES.index(FixClass.RTK_FLOAT)]
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
+_VELOCITY_S = 1.0  # receivers filter their positions, too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,6 +191,26 @@ def antenna_offsets(fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray
     return antenna_at(path.world_T_camera, place(path.t_s, fixes.t_s), camera_p_antenna) - fixes.world_p_fix
 
 
+def antenna_velocities(path: Trajectory, t_s: FloatArray, camera_p_antenna: FloatArray) -> FloatArray:
+    """Return the mean velocity of the antenna (M, 3) over the second around each time, m/s.
+
+    From frame to frame the noise of the poses is as large as changes of speed: where it counts as velocity,
+    every other time offset contradicts fixes that are more accurate than it, and many of them claim to know
+    the time offset ten times better than they do.
+
+    Args:
+        path: The frames.
+        t_s: (M,) times.
+        camera_p_antenna: (3,) metres.
+    """
+    antenna = path.world_T_camera[:, :3, :3] @ camera_p_antenna + path.world_T_camera[:, :3, 3]
+    begin_s, end_s = path.t_s[[0, -1]]
+    ends_s = np.clip(t_s, begin_s, end_s) + _VELOCITY_S * np.array([[-0.5], [0.5]])
+    ends_s = np.clip(ends_s, begin_s, end_s)
+    before, after = (interpolate_vectors(path.t_s, antenna, at_s) for at_s in ends_s)
+    return np.asarray((after - before) / np.diff(ends_s, axis=0).T)
+
+
 def penalty(fixes: Fixes, row: int, config: GpsConfig, n: int | None = None) -> Penalty:
     """Return the penalty on an offset from fix ``row`` under the configured model.
 
@@ -235,6 +257,7 @@ def gps_graph(
     sensors: Sensors,
     config: GpsConfig,
     n: int | None = None,
+    antenna_velocity: FloatArray | None = None,
 ) -> gtsam.NonlinearFactorGraph:
     """Return the GPS term of the energy (11) over frames with keys ``x0..``, one factor per contributing fix.
 
@@ -244,6 +267,7 @@ def gps_graph(
         sensors: Lever arm, and whether it and the time offset are estimated with the poses.
         config: GPS model; ``none`` gives an empty graph.
         n: Exponent, if not the configured one.
+        antenna_velocity: (M, 3) m/s at the fixes; needed if time offset or lever arm are estimated.
     """
     graph = gtsam.NonlinearFactorGraph()
     contributing = contributing_fixes(fixes, frame_t_s, config)
@@ -252,12 +276,12 @@ def gps_graph(
     placement = place(frame_t_s, fixes.t_s)
     for row in np.flatnonzero(contributing).tolist():
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
-        fix, cost = fixes.world_p_fix[row], penalty(fixes, row, config, n)
+        alpha, fix, cost = float(placement.alpha[row]), fixes.world_p_fix[row], penalty(fixes, row, config, n)
         if sensors.is_estimated:
-            times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
-            factor = gps_factor_calibrating((X(a), X(b)), (TIME_OFFSET, ANTENNA), times, fix, cost)
+            assert antenna_velocity is not None
+            keys = (X(a), X(b)), (TIME_OFFSET, ANTENNA)
+            factor = gps_factor_calibrating(*keys, alpha, fix, antenna_velocity[row], cost)
         else:
-            alpha = float(placement.alpha[row])
             factor = gps_factor_interpolated((X(a), X(b)), alpha, fix, sensors.camera_p_antenna, cost)
         graph.push_back(factor)
     return graph

@@ -79,6 +79,7 @@ def gps_term(
     config: GpsConfig,
     n: int | None = None,
     loose: bool = False,
+    antenna_velocity: FloatArray | None = None,
 ) -> GpsTerm:
     """Return the GPS term for a path, with offsets if the error model has memory.
 
@@ -90,12 +91,14 @@ def gps_term(
         n: Exponent, if not the configured one.
         loose: Whether an offset at the wall of its region costs no more than a one-sigma residual, without
             heavy tails.
+        antenna_velocity: (M, 3) m/s at the fixes; needed if time offset or lever arm are estimated.
     """
     contributing = contributing_fixes(fixes, path.t_s, config)
     if not config.has_memory or not contributing.any():
         bounded = fixes.where(contributing)
         weight = independent_epochs(bounded)
-        return GpsTerm(bounds=gps_graph(fixes, path.t_s, sensors, config, n), bounded=bounded, weight=weight)
+        bounds = gps_graph(fixes, path.t_s, sensors, config, n, antenna_velocity)
+        return GpsTerm(bounds=bounds, bounded=bounded, weight=weight)
     chain = chain_offsets(fixes, contributing, config)
     rows = chain.rows[chain.first]
     first = fixes.where(rows)
@@ -110,7 +113,7 @@ def gps_term(
         bound = penalty(bounded, k, config, exponent)
         bounds.push_back(offset_factor(offset_key(k), bound, float(weight[k]), float(tail[k])))
     noise_losses, walk_losses = _noise_losses(fixes, chain, config), _walk_losses(fixes, chain, config)
-    noise = _noise_factors(fixes, chain, path.t_s, sensors, noise_losses)
+    noise = _noise_factors(fixes, chain, path.t_s, sensors, noise_losses, antenna_velocity)
     noise.push_back(_walk_factors(walk_losses))
     error = _errors(fixes, chain, path, sensors)
     return GpsTerm(
@@ -198,21 +201,25 @@ def _walk_losses(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> dict[in
 
 
 def _noise_factors(
-    fixes: Fixes, chain: OffsetChain, frame_t_s: FloatArray, sensors: Sensors, losses: list[Gaussian]
+    fixes: Fixes,
+    chain: OffsetChain,
+    frame_t_s: FloatArray,
+    sensors: Sensors,
+    losses: list[Gaussian],
+    antenna_velocity: FloatArray | None,
 ) -> gtsam.NonlinearFactorGraph:
     """Return a factor for each fix: the noise of antenna + offset - fix."""
     graph, placement = gtsam.NonlinearFactorGraph(), place(frame_t_s, fixes.t_s)
     for row, offset, loss in zip(chain.rows.tolist(), chain.offset.tolist(), losses, strict=True):
         a, b = int(placement.frame[row]), int(placement.frame[row]) + 1
         keys = gtsam.symbol("x", a), gtsam.symbol("x", b)
-        fix = fixes.world_p_fix[row]
+        alpha, fix = float(placement.alpha[row]), fixes.world_p_fix[row]
         if sensors.is_estimated:
-            times = float(frame_t_s[a]), float(frame_t_s[b]), float(fixes.t_s[row])
-            factor = gps_factor_calibrating(
-                keys, (TIME_OFFSET, ANTENNA), times, fix, loss, offset_key(offset)
-            )
+            assert antenna_velocity is not None
+            velocity, shared = antenna_velocity[row], (TIME_OFFSET, ANTENNA)
+            factor = gps_factor_calibrating(keys, shared, alpha, fix, velocity, loss, offset_key(offset))
         else:
-            alpha, antenna = float(placement.alpha[row]), sensors.camera_p_antenna
+            antenna = sensors.camera_p_antenna
             factor = gps_factor_interpolated(keys, alpha, fix, antenna, loss, offset_key(offset))
         graph.push_back(factor)
     return graph

@@ -40,6 +40,7 @@ _FLOATS: dict[str, tuple[str | int, ...]] = {
     **{f"fixes.{name}": ("fixes",) for name in ("r_m", "h_m", "probability")},
     "graph.offsets": ("offsets", 3),
     "graph.c0": (1,),
+    "graph.antenna_velocity": ("fixes", 3),
     "graph.prior_time_offset_s": (2,),
     **{f"graph.{name}": (3,) for name in ("d0", "prior_antenna")},
     **{f"graph.{name}": () for name in ("video_sigma_scale", "time_offset_s", "prior_antenna_sigma_m")},

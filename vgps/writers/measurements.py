@@ -49,6 +49,7 @@ cameras.0.observations.*        (N0, ...)    its observations, as above, in its 
 graph.offsets                   (K, 3)       the receiver's offsets ``o0..``, east, north, up
 graph.c0                        (1,)         change of the time offset, if it is estimated
 graph.d0                        (3,)         lever arm, if it is estimated
+graph.antenna_velocity          (M, 3)       at the fixes, which c0 moves by it, m/s
 graph.h0                        (1,)         height of the camera above the ground, if it is known
 graph.held                      (F,)         whether a frame's pose is held
 graph.video_sigma_scale         ()           factor of the pixel sigmas

@@ -93,6 +93,22 @@ def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts)
     assert decided(after) == (again[0] if counts else HELD)
 
 
+@pytest.mark.parametrize(("displacements", "counts"), [((-0.05, 0.02), False), ((0.05, 0.02), True)])
+def test_a_trial_that_displacements_refute_does_not_count(monkeypatch, displacements, counts):
+    """As kitti03's gps_float_b, whose floats drift with the video: 4.3 sigmas from what displacements say."""
+    monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.0)
+    seen = replace(HELD, by_displacements=TimeOffset(*displacements))
+    after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(0.14, 0.04)], seen)
+    assert decided(after) == (again[0] if counts else seen)
+
+
+def test_a_trial_that_knows_little_more_than_the_prior_does_not_count(monkeypatch):
+    """As where a wrong height of the camera stretches the path: 0.72 s, one sigma 0.47 s."""
+    monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.0)
+    after, again = trial(monkeypatch, [TimeOffset(1.8, 0.3), TimeOffset(0.72, 0.47)])
+    assert len(again) == 1 and decided(after) == HELD
+
+
 def test_what_a_trial_finds_is_held_unless_most_fixes_are_rtk_fixes(monkeypatch):
     """The end of the trial is 0.01 s from its start, which moves what was found."""
     found = TimeOffset(0.14, 0.04)
@@ -113,8 +129,10 @@ def test_a_trial_finds_all_of_what_the_poses_show_in_part():
 def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certain(
     monkeypatch, good, improved
 ):
+    """They compare the displacements again, so these are no prior."""
     certain = HELD.with_time_offset(TimeOffset(0.2, 0.02))
-    assert trial(monkeypatch, [], certain, good) == (replace(certain, shown_by_poses=improved), [])
+    any_time_offset = replace(certain, prior_time_offset=TimeOffset(0.0, 0.5), shown_by_poses=True)
+    assert trial(monkeypatch, [], certain, good) == (any_time_offset if improved else certain, [])
 
 
 def test_what_is_within_a_sigma_is_not_tried(monkeypatch):
@@ -208,7 +226,28 @@ def test_what_displacements_showed_is_improved():
     shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
     found, _ = result(0.2, shown)
     assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.06
-    assert found.sensors.prior_time_offset == TimeOffset(0.25, 0.05)
+    assert found.sensors.prior_time_offset == TimeOffset(0.0, 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_many_noisy_fixes_do_not_know_a_time_offset_that_their_motion_does_not_show(seed):
+    """One a frame, with errors of 5 mm: two extrapolated poses would follow these, at other time offsets."""
+    late_s, shown = 0.2, HELD.with_time_offset(TimeOffset(0.15, 0.03))
+    problem, true, t_s, exact = scene(disturbed=0.2)
+    antenna = true[:, :3, 3] + true[:, :3, :3] @ ANTENNA
+    noise = np.random.default_rng(seed).normal(0.0, 0.005, (len(t_s) - 1, 3))
+    fixes = replace(
+        exact.where(np.zeros(len(noise), dtype=np.int64)),
+        t_s=t_s[:-1] + 0.03 + late_s,
+        world_p_fix=0.7 * antenna[:-1] + 0.3 * antenna[1:] + noise,
+        fix_class=np.full(len(noise), CLASSES.index(FixClass.RTK_FIX)),
+    )
+    made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    found = optimise_batch(made, fixes, shown, context(Config()))
+    sigma_s = float(found.time_offset_sigma_s[0])
+    assert abs(found.sensors.time_offset_s - late_s) < 3.0 * sigma_s < 0.03
+    assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
 @pytest.mark.slow

@@ -18,12 +18,10 @@ def with_sensors(fixed: list[int] | None = None) -> BundleProblem:
     """Return a problem with a time offset and an antenna, whose keys come before those of the poses."""
     problem, poses = drive(frames=8, landmarks=40)
     graph = gtsam.NonlinearFactorGraph(problem.pose_graph)
-    penalty = Gaussian((0.1, 0.1, 0.2))
+    penalty, velocity = Gaussian((0.1, 0.1, 0.2)), np.array([0.1, -0.2, 0.6])
     for i in range(6):
-        times = float(i), i + 1.0, i + 0.4
-        graph.push_back(
-            gps_factor_calibrating((X(i), X(i + 1)), (A(0), B(0)), times, poses[i, :3, 3], penalty)
-        )
+        keys = (X(i), X(i + 1)), (A(0), B(0))
+        graph.push_back(gps_factor_calibrating(*keys, 0.4, poses[i, :3, 3], velocity, penalty))
     return replace(
         problem,
         pose_graph=graph,

@@ -8,7 +8,7 @@ import numpy as np
 from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
 from vgps.gps.fix_conflict import with_conflict_verdicts
-from vgps.gps.fixes import Fixes, antenna_offsets, place
+from vgps.gps.fixes import Fixes, antenna_offsets, antenna_velocities, place
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors
@@ -177,18 +177,20 @@ def _solve_stage(state: _State, fixes: Fixes, fixed: BoolArray | None, stage: St
     sensors = state.sensors
     if context.config.gps.has_memory and not sensors.shown_by_poses:
         sensors = sensors.holding_time_offset()
+    usable = state.usable(fixes)
     given = BatchInput(
         scene=scene,
         sigma_px=sigma,
         control_sigma_px=control_sigma_px(
             scene.controls, scene.poses, context.K, context.config.start.control_sigma_px
         ),
-        fixes=state.usable(fixes),
+        fixes=usable,
         sensors=sensors,
         fixed=fixed,
         context=context,
         errors=state.errors,
         imu=state.imu,
+        antenna_velocity=antenna_velocities(scene.trajectory, usable.t_s, sensors.camera_p_antenna),
     )
     built = batch_problem(given, stage.n, loose=stage.first and not stage.last)
     result = solve_once(built.problem, _settings(batch, stage.last), batch.solver, context.journal)

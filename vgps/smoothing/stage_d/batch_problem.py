@@ -35,6 +35,7 @@ class BatchInput:
         fixed: (F,) frames to hold; None means none.
         context: Camera, IMU and settings, with the current weight of the video.
         imu: Velocities and biases; None without an IMU.
+        antenna_velocity: (M, 3) m/s at the fixes, by which they move with a time offset that is estimated.
     """
 
     scene: Scene
@@ -46,6 +47,7 @@ class BatchInput:
     context: SmoothingContext
     errors: Mapping[FixClass, LearnedErrors] = field(default_factory=dict)
     imu: ImuStates | None = None
+    antenna_velocity: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def batch_problem(given: BatchInput, n: int | None = None, loose: bool = False) 
     """
     scene, sensors, context = given.scene, given.sensors, given.context
     config = with_errors(context.config.gps, given.errors)
-    term = gps_term(given.fixes, scene.trajectory, sensors, config, n, loose)
+    term = gps_term(given.fixes, scene.trajectory, sensors, config, n, loose, given.antenna_velocity)
     others = other_pose_factors(scene, sensors, context.config, given.imu)
     others.push_back(control_factors(scene.controls, given.control_sigma_px, context.K))
     states = _offset_states(term)

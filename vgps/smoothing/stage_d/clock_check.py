@@ -33,10 +33,12 @@ def with_shown_clock(
 ) -> tuple[Sensors, BatchSolution]:
     """Return the sensors with the verdict whether the poses determine the time offset, and the first round.
 
-    What displacements have shown they improve if most fixes are RTK-fixes. Where that might be chance, or the
+    What displacements have shown they improve if most fixes are RTK-fixes; they compare these displacements
+    again, so that what was shown is where they start, but no prior. Where that might be chance, or the
     places of the fixes suggest a time offset, the round is solved again with it to estimate, and counts if it
-    is likelier than none and to the side that was suspected. Unless most fixes are RTK-fixes, it is held from
-    then on: later rounds, which learn how coarse fixes walk, take a walk along the path for a time offset.
+    is likelier than none, to the side that was suspected, and not refuted by displacements. Unless most fixes
+    are RTK-fixes, it is held from then on: later rounds, which learn how coarse fixes walk, take a walk along
+    the path for a time offset.
 
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
     of what those leave open: what a solution there costs more decides how much is unknown.
@@ -51,9 +53,11 @@ def with_shown_clock(
     if not (settings.time_offset_prior_s and config.gps.has_memory and used.any()):
         return sensors, solved
     shown_before = sensors.prior_time_offset.sigma_s > 0.0
-    if shown_before and sensors.probability == 1.0:
-        return replace(sensors, shown_by_poses=_mostly_rtk_fixes(solved)), solved
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
+    if shown_before and sensors.probability == 1.0:
+        if not _mostly_rtk_fixes(solved):
+            return sensors, solved
+        return replace(sensors, prior_time_offset=prior, shown_by_poses=True), solved
     try:
         shown = _shown(solved, prior)
         if (accepted := _tried(sensors, shown, settings, solve)) is not None:
@@ -149,6 +153,10 @@ def _tried(
     likely, chance = probability * before, (1.0 - probability) * (1.0 - before)
     if not (likely >= chance and _same_side(start, found, prior)):
         return None
+    # what is left of the prior is no finding
+    unclear = found.sigma_s > settings.time_offset.shown_share * prior.sigma_s
+    if unclear or _contradicts(sensors.by_displacements, found, settings):
+        return None
     if _mostly_rtk_fixes(tried):
         return trial, tried
     # the end of this round moves it as the trial did
@@ -161,6 +169,15 @@ def _same_side(suspected: TimeOffset, found: TimeOffset, prior: TimeOffset) -> b
     """Return whether both time offsets are to the same side of the configured one."""
     before, after = (one.time_offset_s - prior.time_offset_s for one in (suspected, found))
     return before * after > 0.0
+
+
+def _contradicts(by_displacements: TimeOffset | None, found: TimeOffset, settings: SensorsConfig) -> bool:
+    """Return whether displacements know that the time offset is another one than the poses found."""
+    if by_displacements is None:
+        return False
+    sigma_s = float(np.hypot(by_displacements.sigma_s, found.sigma_s))
+    apart_s = abs(by_displacements.time_offset_s - found.time_offset_s)
+    return apart_s > settings.significance_sigmas * sigma_s
 
 
 def _shown(solved: BatchSolution, prior: TimeOffset) -> TimeOffset:

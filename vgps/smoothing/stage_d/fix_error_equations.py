@@ -6,7 +6,7 @@ import numpy as np
 
 from vgps.gps.error_steps import FixErrorEquations
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, gps_graph, place
+from vgps.gps.fixes import Fixes, antenna_velocities, gps_graph, place
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread
@@ -58,7 +58,7 @@ def fix_error_equations(given: BatchInput, scene: Scene, ids: IntArray, fixes: F
         (weight[:, None] * remaining * weight).reshape(n, 3, n, 3), (weight * residual).reshape(n, 3)
     )
     sigma = np.array([_CLOCK_SIGMA_S, *[_ANTENNA_SIGMA_M] * 3])
-    return equations.without(_by_sensors(scene, fixes), sigma**-2.0)
+    return equations.without(_by_sensors(scene, fixes, sensors.camera_p_antenna), sigma**-2.0)
 
 
 def _as_sure_as_regions(fixes: Fixes) -> Fixes:
@@ -66,8 +66,8 @@ def _as_sure_as_regions(fixes: Fixes) -> Fixes:
     return replace(fixes, sigma_m=region_sigmas(fixes), correlation=np.zeros((len(fixes), 3)))
 
 
-def _by_sensors(scene: Scene, fixes: Fixes) -> FloatArray:
+def _by_sensors(scene: Scene, fixes: Fixes, camera_p_antenna: FloatArray) -> FloatArray:
     """Return the derivatives (n, 3, 4) of the antenna at the fixes by time offset and lever arm."""
     frame = place(scene.t_s, fixes.t_s).frame
-    velocity = np.gradient(scene.poses[:, :3, 3], scene.t_s, axis=0)[frame]
+    velocity = antenna_velocities(scene.trajectory, fixes.t_s, camera_p_antenna)
     return np.concatenate([velocity[:, :, None], scene.poses[frame, :3, :3]], axis=2)

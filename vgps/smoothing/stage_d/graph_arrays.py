@@ -55,6 +55,7 @@ def graph_arrays(given: BatchInput, end: BundleProblem) -> dict[str, npt.NDArray
         "prior_antenna": np.array(sensors.prior_antenna),
         "prior_antenna_sigma_m": np.array(sensors.antenna_sigma_m),
         **_fix_arrays(given.fixes),
+        **({"antenna_velocity": np.asarray(given.antenna_velocity)} if sensors.is_estimated else {}),
         **_error_arrays(given.errors),
         **_zero_motion_arrays(given.scene.zero_motions),
         **{f"controls.{key}": array for key, array in vars(given.scene.controls).items()},
@@ -115,6 +116,7 @@ def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
         context=SmoothingContext(solution.camera, config, imu=_imu(graph), cameras=solution.cameras),
         errors=_errors(graph),
         imu=ImuStates(**_of(graph, "knots", ImuStates)) if "knots.frame" in graph else None,
+        antenna_velocity=graph["antenna_velocity"] if "c0" in graph else None,
     )
 
 
