@@ -100,7 +100,9 @@ def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
         fixes: At the times of their time stamps.
         config: Settings.
     """
-    path = levelled(merged_maps(alone, alone.context(config)).scene.trajectory)
+    # with other settings the fixes would bend the path where maps are merged
+    context = alone.context(config.with_gps("none"))
+    path = levelled(merged_maps(alone, context).scene.trajectory)
     return ClockCheck(search_time_offset(path, fixes, alone.sensors.camera_p_antenna, config.sensors))
 
 
