@@ -12,8 +12,11 @@ from vgps.config import Config, SensorsConfig
 from vgps.errors import GpsLogError
 from vgps.evaluation import evaluate
 from vgps.gps.clock_rate import ShownClock
+from vgps.gps.clock_search import ClockCheck
 from vgps.gps.world_frame import world_fixes
+from vgps.model import CameraGuess
 from vgps.pipeline import gps_clock
+from vgps.pipeline.camera_refinement import with_seen_camera
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
@@ -199,3 +202,64 @@ def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(br
     assert asked
     for t_s in asked:
         np.testing.assert_allclose(t_s, opened.gps.t_s, atol=1e-9)
+
+
+@pytest.fixture
+def guessed(front_end):
+    """The walk's front end, as if its camera had been guessed with half the focal length."""
+    given = front_end.recording.camera
+    camera = replace(given, model="opencv", distortion=(0.0,) * 4, fx=300.0, fy=300.0)
+    guess = CameraGuess(
+        camera=camera, focal_sigma=0.5, centre_sigma_px=6.0, distortion_sigma=(0.2, 0.1), source="a guess"
+    )
+    return replace(front_end, recording=replace(front_end.recording, camera=camera, guesses=(guess,)))
+
+
+@pytest.mark.parametrize(
+    ("first", "unexplained", "kept"),
+    [
+        (ClockCheck(1.8), (0.03, 0.001), 600.0),  # seconds off, by a wrong lens
+        (ClockCheck(None, torn=True), (0.5, 0.1), 600.0),
+        (ClockCheck(1.8), (0.001, 0.03), 300.0),  # the clock was wrong, and the guess was not
+        (ClockCheck(0.2), (0.03, 0.001), 300.0),  # nothing to doubt
+    ],
+)
+def test_a_guessed_lens_is_asked_of_the_video_before_a_clock_is_doubted(
+    monkeypatch, guessed, first, unexplained, kept
+):
+    """The camera with which the video explains the fixes better stays."""
+    seen, left, runs = replace(guessed.recording.camera, fx=600.0, fy=600.0), {}, []
+    left[300.0], left[600.0] = unexplained
+
+    def run(recording, config, _):
+        runs.append((recording.camera.fx, config.gps.model))
+        return replace(guessed, recording=recording)
+
+    def compared(front_end, _):
+        own = front_end.recording.camera.fx == 300.0
+        return replace(front_end, clock=first if own else ClockCheck(0.0))
+
+    monkeypatch.setattr(gps_clock, "run_front_end", run)
+    monkeypatch.setattr(gps_clock, "with_gps_clock", compared)
+    monkeypatch.setattr(
+        gps_clock, "with_seen_camera", lambda front_end, _: replace(front_end.recording, camera=seen)
+    )
+    monkeypatch.setattr(gps_clock, "_unexplained", lambda one, _: left[one.recording.camera.fx])
+    found = gps_clock._compared_by_the_right_camera(guessed, Config(), NoProgress())
+    assert found.recording.camera.fx == kept
+    assert ((300.0, "none") in runs) == first.torn
+    assert ((600.0, Config().gps.model) in runs) == (first.shown_s != 0.2)
+
+
+def test_a_calibrated_camera_is_not_doubted(monkeypatch, front_end):
+    monkeypatch.setattr(gps_clock, "with_gps_clock", lambda one, _: replace(one, clock=ClockCheck(1.8)))
+    found = gps_clock._compared_by_the_right_camera(front_end, Config(), NoProgress())
+    assert found.recording is front_end.recording
+
+
+def test_the_lens_is_seen_whatever_the_fixes_say(guessed):
+    alone = Config().with_gps("none")
+    seen = with_seen_camera(guessed, alone)
+    elsewhere = replace(guessed.fixes, world_p_fix=guessed.fixes.world_p_fix[::-1].copy())
+    assert seen.camera != guessed.recording.camera and seen.guesses == guessed.recording.guesses
+    assert with_seen_camera(replace(guessed, fixes=elsewhere), alone).camera == seen.camera

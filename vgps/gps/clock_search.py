@@ -37,11 +37,13 @@ class ClockCheck(NamedTuple):
         shown_s: Time offset that its shape shows; None if it shows none.
         torn: Whether most fixes are outside their regions all the same: the path has been torn to them.
         other: The clock that displacements show if it has another rate; None if they show none.
+        video: That path; None if there was none to compare.
     """
 
     shown_s: float | None
     torn: bool = False
     other: GpsClock | None = None
+    video: Trajectory | None = None
 
 
 class _Misfit(NamedTuple):
@@ -100,18 +102,37 @@ def search_time_offset(
         camera_p_antenna: (3,) metres.
         config: How far around an offset others are taken for the same, and how sure it must be.
     """
+    offsets_s, found, share = _searched(path, fixes, camera_p_antenna, config)
+    best = int(np.argmin(share))
+    reach_s = config.time_offset_reach_s
+    others = np.flatnonzero(np.isfinite(share) & (np.abs(offsets_s - offsets_s[best]) > reach_s))
+    tried = 1.0 + len(others) * _STEP_S / reach_s
+    clear = (found[best].clearly_less(found[k], config.significance_sigmas, tried) for k in others.tolist())
+    return round(float(offsets_s[best]), 1) if len(others) and all(clear) else None
+
+
+def unexplained_share(
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
+) -> float:
+    """Return the share of the fixes' motion that the path leaves at the time offset that suits them best.
+
+    Args:
+        path, fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
+    """
+    _, _, share = _searched(path, fixes, camera_p_antenna, config)
+    return float(share.min())
+
+
+def _searched(
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
+) -> tuple[FloatArray, list[_Misfit], FloatArray]:
+    """Return the time offsets (n,), what is left at each, and its share, infinite without enough pairs."""
     seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
     offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     found = [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
     pairs = np.array([len(one.left) for one in found])
     overlapping = pairs >= max(_MIN_PAIRS, _MIN_SHARE * pairs.max())
-    share = np.where(overlapping, [one.share for one in found], np.inf)
-    best = int(np.argmin(share))
-    reach_s = config.time_offset_reach_s
-    others = np.flatnonzero(overlapping & (np.abs(offsets_s - offsets_s[best]) > reach_s))
-    tried = 1.0 + len(others) * _STEP_S / reach_s
-    clear = (found[best].clearly_less(found[k], config.significance_sigmas, tried) for k in others.tolist())
-    return round(float(offsets_s[best]), 1) if len(others) and all(clear) else None
+    return offsets_s, found, np.where(overlapping, [one.share for one in found], np.inf)
 
 
 def shows_no_time_offset(

@@ -11,6 +11,7 @@ from vgps.gps.fixes import Fixes
 from vgps.model import Camera, CameraGuess, FloatArray, Recording
 from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.rough_solution import is_tied
+from vgps.pipeline.solved_maps import merged_maps
 from vgps.runtime.progress import Progress
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, prior_about
 from vgps.smoothing.merging.merge_maps import MergedMaps
@@ -18,7 +19,7 @@ from vgps.smoothing.scene.few_frames import MIN_VIEWS, for_few_frames, frame_ste
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
-from vgps.smoothing.stage_d.intrinsics import refine_camera
+from vgps.smoothing.stage_d.intrinsics import Optimiser, estimate_camera, refine_camera
 from vgps.solution import Solution
 
 _MEASURED = 0.02  # a focal length known to this share is no assumption
@@ -62,7 +63,42 @@ def optimise_camera(
 
     A readout that is estimated starts at that of the camera.
     """
-    tied, guesses = is_tied(front_end, merged, config), front_end.recording.guesses
+    optimise = _optimiser(front_end, merged, fixes, config, estimates_readout)
+    camera, guesses = front_end.recording.camera, front_end.recording.guesses
+    refine, too_few = config.intrinsics.refine, viewing_frames(merged.scene) < MIN_VIEWS
+    if refine == "no" or front_end.others or (refine == "auto" and too_few and not guesses):
+        return optimise(merged.scene, camera), None
+    every = frame_step(merged.scene, config)
+    prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
+    return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
+
+
+def with_seen_camera(front_end: FrontEnd, config: Config) -> Recording:
+    """Return an uncalibrated recording with the camera as the video alone shows it, by a rough solution.
+
+    Fixes show a lens, and a lens the clock of the fixes, only if the other one is right.
+
+    Args:
+        front_end: Stages A to C; their path may lead to a rough solution, though fixes bent it.
+        config: Settings without fixes.
+
+    Raises:
+        GeometryError: The video does not determine the camera.
+    """
+    recording, (guess,) = front_end.recording, front_end.recording.guesses
+    front_end = replace(front_end, recording=replace(recording, imu=None))
+    merged = merged_maps(front_end, front_end.context(config))
+    unused = replace(front_end.fixes, used=np.zeros_like(front_end.fixes.used))
+    optimise, every = _optimiser(front_end, merged, unused, config), frame_step(merged.scene, config)
+    found = estimate_camera(merged.scene, recording.camera, _prior(guess), optimise, config.intrinsics, every)
+    return replace(recording, camera=found.camera)
+
+
+def _optimiser(
+    front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config, estimates_readout: bool = False
+) -> Optimiser:
+    """Return stage D of a run as a function of its scene and its camera."""
+    tied = is_tied(front_end, merged, config)
 
     def optimise(
         scene: Scene, camera: Camera, every: int | None = None, sigma: FloatArray | None = None
@@ -79,13 +115,7 @@ def optimise_camera(
         )
         return optimise_batch(scene, fixes, front_end.sensors, context, held, merged.assessment)
 
-    camera, refine = front_end.recording.camera, config.intrinsics.refine
-    too_few = viewing_frames(merged.scene) < MIN_VIEWS
-    if refine == "no" or front_end.others or (refine == "auto" and too_few and not guesses):
-        return optimise(merged.scene, camera), None
-    every = frame_step(merged.scene, config)
-    prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
-    return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
+    return optimise
 
 
 def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording) -> Solution:

@@ -14,11 +14,13 @@ from vgps.gps.clock_search import (
     levelled,
     search_time_offset,
     shows_no_time_offset,
+    unexplained_share,
 )
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import estimate_time_offset
 from vgps.model import FloatArray, Recording
+from vgps.pipeline.camera_refinement import moved_far, with_seen_camera
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.rough_solution import video_alone
 from vgps.pipeline.solved_maps import merged_maps
@@ -73,10 +75,11 @@ def with_gps_clock(front_end: FrontEnd, config: Config) -> FrontEnd:
 def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
     """Return the front end with the GPS clock compared; if it is far off, of stages A to C run again.
 
-    A path that was torn to the fixes may show nothing. Then one that was built without them shows the offset.
+    A guessed lens that is wrong bends a path, too, so the video alone is asked for it first. A path that was
+    torn to the fixes may show nothing. Then one that was built without them shows the offset.
     """
-    compared = with_gps_clock(front_end, config)
-    clock = compared.clock
+    compared = _compared_by_the_right_camera(front_end, config, progress)
+    clock, front_end = compared.clock, replace(front_end, recording=compared.recording)
     try:
         if clock is not None and clock.torn:
             progress.stage("again without the fixes, which the path contradicts")
@@ -90,6 +93,38 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
     except (GeometryError, GpsLogError):  # the first run had a path
         return compared, config
     return (again, changed) if _confirmed(again, config, changed) else (compared, config)
+
+
+def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress: Progress) -> FrontEnd:
+    """Return the front end with the GPS clock compared, with another camera if that was wrong instead.
+
+    It was if the path that it gives explains the fixes better, each at the time offset that suits it best.
+    """
+    compared = with_gps_clock(front_end, config)
+    recording, clock = compared.recording, compared.clock
+    if clock is None or not (clock.torn or _other(clock, config)):
+        return compared
+    if not recording.guesses or config.intrinsics.refine == "no" or front_end.others:
+        return compared
+    progress.stage("again with the camera that the video alone shows")
+    alone = config.with_gps("none")
+    try:
+        seen = with_seen_camera(run_front_end(recording, alone, progress) if clock.torn else front_end, alone)
+        if not moved_far(seen.camera, recording.camera, config.camera_calibration.restart_share):
+            return compared
+        again = with_gps_clock(run_front_end(seen, config, progress), config)
+    except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
+        return compared
+    return min(compared, again, key=lambda one: _unexplained(one, config))
+
+
+def _unexplained(front_end: FrontEnd, config: Config) -> float:
+    """Return the share of the fixes' motion that the video alone does not explain, whatever their clock."""
+    clock, sensors = front_end.clock, front_end.sensors
+    if clock is None or clock.video is None:
+        return np.inf
+    steady = front_end.fixes.without_clock_rate(sensors)
+    return unexplained_share(clock.video, steady, sensors.camera_p_antenna, config.sensors)
 
 
 def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
@@ -165,13 +200,13 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     steady = fixes.without_clock_rate(sensors)
     shown_s = search_time_offset(video, steady, sensors.camera_p_antenna, settings)
     torn = shown_s is None and _outside_share(path, fixes, sensors) > _TORN_SHARE
-    front_end = replace(front_end, clock=ClockCheck(shown_s, torn))
+    front_end = replace(front_end, clock=ClockCheck(shown_s, torn, video=video))
     if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
     if is_mirrored(video, steady, sensors.camera_p_antenna, settings):
         front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
     elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
-        front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock))
+        front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock, video=video))
         if settings.clock_rate or parts_agree(shown.clock.rate, shown.rate_sigma):
             return _with_rate(front_end, shown, config)
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:

@@ -105,7 +105,8 @@ def _smoothed(
     front_end = with_inertial_start(replace(front_end, journal=journal), config, progress)
     front_end, config = with_right_clock(front_end, config, progress)
     recording = front_end.recording
-    run = _Run(recording, config) if config is not run.config else run
+    if config is not run.config or recording.camera is not run.recording.camera:
+        run = _Run(recording, config)
     found = imu_agreement(front_end, config, progress)
     if found.misled and found.contradiction is None:
         progress.stage("again with the IMU's clock as the video shows it")
