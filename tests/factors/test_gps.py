@@ -30,6 +30,13 @@ small = st.floats(-1, 1)
 # rotations up to 1.7 rad from the origin and between the frames: clear of pi, where Log has a jump
 twists = st.tuples(arrays(np.float64, 3, elements=small), arrays(np.float64, 3, elements=st.floats(-20, 20)))
 alphas = st.sampled_from([0.0, 1.0]) | st.floats(0, 1)
+late_fixes = (
+    st.sampled_from(PENALTIES),
+    twists,
+    twists,
+    alphas,
+    st.floats(-0.4, 0.4),
+)
 
 
 def pose(twist):
@@ -162,14 +169,7 @@ def with_sensors(values, time_offset_s, antenna=ANTENNA):
 
 @pytest.mark.slow
 @settings(max_examples=40)
-@given(
-    st.sampled_from(PENALTIES),
-    twists,
-    twists,
-    alphas,
-    st.floats(-0.4, 0.4),
-    arrays(np.float64, (2, 3), elements=st.floats(-5, 5)),
-)
+@given(*late_fixes, arrays(np.float64, (2, 3), elements=st.floats(-5, 5)))
 def test_jacobians_with_time_offset_and_lever_arm(
     check_jacobians, penalty, twist, motion, alpha, time_offset_s, vectors
 ):
@@ -180,14 +180,7 @@ def test_jacobians_with_time_offset_and_lever_arm(
 
 
 @pytest.mark.slow
-@given(
-    st.sampled_from(PENALTIES),
-    twists,
-    twists,
-    alphas,
-    st.floats(-0.4, 0.4),
-    arrays(np.float64, 3, elements=st.floats(-30, 30)),
-)
+@given(*late_fixes, arrays(np.float64, 3, elements=st.floats(-30, 30)))
 def test_a_known_time_offset_moves_the_fix_ahead(penalty, twist, motion, alpha, time_offset_s, velocity):
     poses = pose(twist), pose(twist).compose(pose(motion))
     fix = poses[0].transformFrom(ANTENNA) + np.array([1.0, -2.0, 3.0])

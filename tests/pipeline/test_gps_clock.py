@@ -206,7 +206,7 @@ def test_a_configured_time_offset_counts_when_the_path_is_placed_in_the_world(br
 
 @pytest.fixture
 def guessed(front_end):
-    """The walk's front end, as if its camera had been guessed with half the focal length."""
+    """The walk's front end, as if its camera, of 260 px, had been guessed with 300."""
     given = front_end.recording.camera
     camera = replace(given, model="opencv", distortion=(0.0,) * 4, fx=300.0, fy=300.0)
     guess = CameraGuess(

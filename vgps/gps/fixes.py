@@ -8,7 +8,6 @@ from gtsam.symbol_shorthand import X
 
 from factors import Cylinder, Ellipsoid, Gaussian, Penalty, gps_factor_calibrating, gps_factor_interpolated
 from vgps.config import GpsConfig
-from vgps.geometry import interpolate_vectors
 from vgps.gps.regions import ellipsoid_shapes, enlarged, lower_class, region_sizes
 from vgps.gps.sensors import ANTENNA, TIME_OFFSET, Sensors
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
@@ -194,20 +193,19 @@ def antenna_offsets(fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray
 def antenna_velocities(path: Trajectory, t_s: FloatArray, camera_p_antenna: FloatArray) -> FloatArray:
     """Return the mean velocity of the antenna (M, 3) over the second around each time, m/s.
 
-    From frame to frame the noise of the poses is as large as changes of speed: where it counts as velocity,
-    every other time offset contradicts fixes that are more accurate than it, and many of them claim to know
-    the time offset ten times better than they do.
+    From frame to frame the noise of the poses is as large as changes of speed. Taken for velocity, it makes
+    accurate fixes contradict every other time offset, so that many of them seem to know it too well.
 
     Args:
         path: The frames.
         t_s: (M,) times.
         camera_p_antenna: (3,) metres.
     """
-    antenna = path.world_T_camera[:, :3, :3] @ camera_p_antenna + path.world_T_camera[:, :3, 3]
     begin_s, end_s = path.t_s[[0, -1]]
     ends_s = np.clip(t_s, begin_s, end_s) + _VELOCITY_S * np.array([[-0.5], [0.5]])
     ends_s = np.clip(ends_s, begin_s, end_s)
-    before, after = (interpolate_vectors(path.t_s, antenna, at_s) for at_s in ends_s)
+    poses = path.world_T_camera
+    before, after = (antenna_at(poses, place(path.t_s, at_s), camera_p_antenna) for at_s in ends_s)
     return np.asarray((after - before) / np.diff(ends_s, axis=0).T)
 
 

@@ -79,16 +79,16 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
     torn to the fixes may show nothing. Then one that was built without them shows the offset.
     """
     compared = _compared_by_the_right_camera(front_end, config, progress)
-    clock, front_end = compared.clock, replace(front_end, recording=compared.recording)
+    clock, recording = compared.clock, compared.recording
     try:
         if clock is not None and clock.torn:
             progress.stage("again without the fixes, which the path contradicts")
-            alone = run_front_end(front_end.recording, config.with_gps("none"), progress)
-            clock = clock_by_shape(alone, front_end.fixes, config)
+            alone = run_front_end(recording, config.with_gps("none"), progress)
+            clock = clock_by_shape(alone, compared.fixes, config)
         if (other := _other(clock, config)) is None:
             return compared, config
         progress.stage("again with the GPS clock that the video shows")
-        recording, changed = _with_clock(front_end.recording, config, other)
+        recording, changed = _with_clock(recording, config, other)
         again = with_gps_clock(run_front_end(recording, changed, progress), changed)
     except (GeometryError, GpsLogError):  # the first run had a path
         return compared, config
