@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vgps.gps.fixes import antenna_velocities
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread
@@ -30,7 +31,10 @@ def least_cost_step(
         GeometryError, LinAlgError: The problem does not determine the poses.
     """
     scene = replace(given.scene, poses=end.world_T_camera, points=end.world_p_landmark)
-    problem = batch_problem(replace(given, scene=scene, sensors=sensors)).problem
+    # the path at its minimum has other velocities than the one that the input began with
+    velocity = antenna_velocities(scene.trajectory, given.fixes.t_s, sensors.camera_p_antenna)
+    given = replace(given, scene=scene, sensors=sensors, antenna_velocity=velocity)
+    problem = batch_problem(given).problem
     shared = {**problem.shared, **end.shared}
     problem = problem.moved(end.world_T_camera, end.world_p_landmark, shared, end.states)
     structure = analyse_sparsity(problem)
