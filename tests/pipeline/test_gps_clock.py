@@ -251,6 +251,34 @@ def test_a_guessed_lens_is_asked_of_the_video_before_a_clock_is_doubted(
     assert ((600.0, Config().gps.model) in runs) == (first.shown_s != 0.2)
 
 
+@pytest.mark.parametrize(
+    ("shown", "torn", "runs", "last"),
+    [
+        ((310.0, 260.0, 252.0, 251.0), False, [310.0, 260.0, 252.0], 251.0),  # asked until it says the same
+        ((301.0,), False, [], 301.0),
+        ((301.0,), True, [300.0], 301.0),  # a torn path is never asked
+        ((400.0, 300.0) * 3, False, [400.0, 300.0, 400.0, 300.0], 400.0),  # nor for ever
+    ],
+)
+def test_the_video_is_asked_for_its_lens_until_it_settles(monkeypatch, guessed, shown, torn, runs, last):
+    """A path that was made with a wrong lens shows only the way to the right one."""
+    ran, left = [], iter(shown)
+
+    def run(recording, config, _):
+        assert config.gps.model == "none"
+        ran.append(recording.camera.fx)
+        return replace(guessed, recording=recording)
+
+    def seen(front_end, _):
+        fx = next(left)
+        return replace(front_end.recording, camera=replace(front_end.recording.camera, fx=fx, fy=fx))
+
+    monkeypatch.setattr(gps_clock, "run_front_end", run)
+    monkeypatch.setattr(gps_clock, "with_seen_camera", seen)
+    found = gps_clock._by_the_video_alone(guessed, Config(), NoProgress(), torn)
+    assert (ran, found.camera.fx) == (runs, last)
+
+
 def test_a_calibrated_camera_is_not_doubted(monkeypatch, front_end):
     monkeypatch.setattr(gps_clock, "with_gps_clock", lambda one, _: replace(one, clock=ClockCheck(1.8)))
     found = gps_clock._compared_by_the_right_camera(front_end, Config(), NoProgress())

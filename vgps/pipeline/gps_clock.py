@@ -34,6 +34,8 @@ from vgps.smoothing.scene.scene import Scene
 from vgps.solution import GpsClock, Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
+_SETTLED_SHARE = 0.02  # of the angles of a lens: by as much are the turns of its path wrong
+_MOST_RUNS = 5  # of stages A to C by the video alone, until it shows the same lens again
 _FAR = (
     "the fixes have the shape of the path if they are {0:.1f} s older than their time stamps, more than was "
     "searched: set sensors: {{time_offset_s: {0:.1f}}}"
@@ -106,16 +108,40 @@ def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress:
         return compared
     if not recording.guesses or config.intrinsics.refine == "no" or front_end.others:
         return compared
-    progress.stage("again with the camera that the video alone shows")
-    alone = config.with_gps("none")
     try:
-        seen = with_seen_camera(run_front_end(recording, alone, progress) if clock.torn else front_end, alone)
+        seen = _by_the_video_alone(front_end, config, progress, torn=clock.torn)
         if not moved_far(seen.camera, recording.camera, config.camera_calibration.restart_share):
             return compared
+        progress.stage("again with the camera that the video alone shows")
         again = with_gps_clock(run_front_end(seen, config, progress), config)
     except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
         return compared
     return min(compared, again, key=lambda one: _unexplained(one, config))
+
+
+def _by_the_video_alone(front_end: FrontEnd, config: Config, progress: Progress, torn: bool) -> Recording:
+    """Return an uncalibrated recording with the camera that the video shows again by a path made with it.
+
+    A path that was made with a lens far from the right one shows the way to it, but not how far.
+
+    Args:
+        front_end: Stages A to C, perhaps bent to the fixes.
+        config: Settings.
+        progress: Progress display.
+        torn: The fixes have torn the path, so that it shows nothing.
+
+    Raises:
+        GeometryError: The video does not determine the camera.
+    """
+    alone, recording = config.with_gps("none"), front_end.recording
+    for run in range(_MOST_RUNS):
+        if run or torn:
+            progress.stage("again without the fixes, to see the camera")
+            front_end = run_front_end(recording, alone, progress)
+        before, recording = recording.camera, with_seen_camera(front_end, alone)
+        if not moved_far(recording.camera, before, _SETTLED_SHARE):
+            break
+    return recording
 
 
 def _unexplained(front_end: FrontEnd, config: Config) -> float:
