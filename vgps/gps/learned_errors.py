@@ -18,7 +18,8 @@ import numpy as np
 
 from vgps.config import Config, GpsConfig
 from vgps.config.gps import OffsetErrors
-from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes
+from vgps.gps.fix_errors import region_sigmas
+from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes, independent_epochs
 from vgps.gps.neighbour_pairs import NeighbourPairs
 from vgps.gps.offset_errors import walk_scale
 from vgps.gps.offsets import chain_offsets
@@ -30,7 +31,8 @@ _SPAN_SIGMAS = 3.0  # of the priors, covered by the grid
 _LAGS_S = (0.0, 1.0, 3.0)  # noise shows in neighbours, the walk in how differences grow
 _MAX_PAIRS = 150  # of a class at each lag; more hardly sharpen two numbers
 _KNOWN = {"noise_spread": 0.0, "walk_spread": 0.0}
-_WALKS, _NOISES, _SHARES = 25, 25, 7  # values of the grid
+_WALKS, _NOISES, _SHARES = 49, 25, 7  # values of the grid
+_UPPER = 0.84  # of the posterior of the walk lies below what counts: a standard deviation above its middle
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,9 @@ def learn_errors(
         config: Priors of the classes, and how displacements are compared.
     """
     contributing = contributing_fixes(fixes, path.t_s, config.gps)
-    learned = {}
+    if not contributing.any():
+        return {}
+    config, learned = _of_a_placed_path(config, fixes.where(contributing)), {}
     for k in np.unique(fixes.fix_class[contributing]).tolist():
         if not config.gps.learns or CLASSES[k] is FixClass.RTK_FIX:
             continue
@@ -95,6 +99,23 @@ def learn_errors(
         if pairs is not None:
             learned[CLASSES[k]] = _posterior(pairs, config.gps.offset_errors(CLASSES[k]), config.gps)
     return learned
+
+
+def _of_a_placed_path(config: Config, placing: Fixes) -> Config:
+    """Return settings that compare displacements along a path whose place in the world fixes (M,) tell.
+
+    They tell its scale and heading, and the video lets these drift a little in between. With the freedom that
+    a path without fixes needs, they would follow errors that drift steadily.
+    """
+    weight = independent_epochs(placing) / region_sigmas(placing)[:, 0] ** 2
+    place = placing.world_p_fix[:, :2]
+    information = weight @ np.sum((place - weight @ place / weight.sum()) ** 2, axis=1)
+    compared, drift = config.sensors.time_offset, config.gps.memory.path_share
+    known = max(information, compared.factor_sigma**-2)
+    sigma = min(float(np.hypot(drift, known**-0.5)), compared.factor_sigma)
+    compared = compared.model_copy(update={"factor_sigma": sigma})
+    sensors = config.sensors.model_copy(update={"time_offset": compared})
+    return config.model_copy(update={"sensors": sensors})
 
 
 def _pairs_of_class(
@@ -136,9 +157,10 @@ def _compared(
 
 
 def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig) -> LearnedErrors:
-    """Return the root mean squares of noise and walk under their posterior.
+    """Return the root mean square of the noise under its posterior, and an upper limit of the walk.
 
-    A smaller choice, as the means of the logs, would trust the shape of a log that says little about both.
+    Smaller choices, as the means of the logs, would trust the shape of a log that says little about both: a
+    path that is bent to a log that drifts errs by more than one that leaves the shape of a good log unused.
     """
     memory, tail = config.memory, errors.tail
     walk, walk_prior = _grid(errors.walk_m, errors.walk_spread, _WALKS)
@@ -158,8 +180,14 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig) -> Learne
     weight /= weight.sum()
     return LearnedErrors(
         noise_m=float(np.sqrt(weight.sum(axis=(0, 2)) @ noise**2)),
-        walk_m=float(np.sqrt(weight.sum(axis=(1, 2)) @ walk**2)),
+        walk_m=_upper_limit(walk, weight.sum(axis=(1, 2))),
     )
+
+
+def _upper_limit(values: FloatArray, weight: FloatArray) -> float:
+    """Return what most of a distribution over the values (n,) of a grid lies below."""
+    below = np.cumsum(weight) - weight / 2.0
+    return float(np.exp(np.interp(_UPPER, below, np.log(values))))
 
 
 def _grid(median: float, spread: float, count: int) -> tuple[FloatArray, FloatArray]:
