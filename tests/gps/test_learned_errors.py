@@ -52,8 +52,8 @@ def learned(fixes, camera_path=TRUE_PATH, config=CONFIG):
 @pytest.mark.parametrize("walk_m", [0.03, 0.1, 0.4])
 def test_the_walk_of_a_receiver_is_found(walk_m):
     found = [learned(log(walk_m, 0.005, seed=seed))[DGPS].walk_m for seed in range(5)]
-    # what is learned may well be: most logs of a receiver show less
-    assert 0.8 < np.median(found) / walk_m < 1.6
+    # the smallest could in part be errors of the video, 1.5 cm over the 5 m between two fixes
+    assert 0.6 < np.median(found) / walk_m < 1.3
 
 
 @pytest.mark.slow
@@ -62,7 +62,7 @@ def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
     found = [learned(log(0.05, noise_m, interval_s=0.2, seed=seed))[DGPS] for seed in range(5)]
     assert 0.75 < np.median([one.noise_m for one in found]) / noise_m < 1.3
     # behind much noise a walk may be larger than it is
-    assert 0.8 < np.median([one.walk_m for one in found]) / 0.05 < 3.0
+    assert 0.8 < np.median([one.walk_m for one in found]) / 0.05 < 2.5
 
 
 @pytest.mark.slow

@@ -15,8 +15,8 @@ from vgps.gps.clock_rate import ShownClock
 from vgps.gps.clock_search import ClockCheck
 from vgps.gps.world_frame import world_fixes
 from vgps.model import CameraGuess
-from vgps.pipeline import gps_clock
-from vgps.pipeline.camera_refinement import with_seen_camera
+from vgps.pipeline import camera_refinement, gps_clock
+from vgps.pipeline.camera_refinement import with_seen_camera, with_settled_camera
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
@@ -240,9 +240,10 @@ def test_a_guessed_lens_is_asked_of_the_video_before_a_clock_is_doubted(
         return replace(front_end, clock=first if own else ClockCheck(0.0))
 
     monkeypatch.setattr(gps_clock, "run_front_end", run)
+    monkeypatch.setattr(camera_refinement, "run_front_end", run)
     monkeypatch.setattr(gps_clock, "with_gps_clock", compared)
     monkeypatch.setattr(
-        gps_clock, "with_seen_camera", lambda front_end, _: replace(front_end.recording, camera=seen)
+        camera_refinement, "with_seen_camera", lambda front_end, _: replace(front_end.recording, camera=seen)
     )
     monkeypatch.setattr(gps_clock, "_unexplained", lambda one, _: left[one.recording.camera.fx])
     found = gps_clock._compared_by_the_right_camera(guessed, Config(), NoProgress())
@@ -273,9 +274,9 @@ def test_the_video_is_asked_for_its_lens_until_it_settles(monkeypatch, guessed, 
         fx = next(left)
         return replace(front_end.recording, camera=replace(front_end.recording.camera, fx=fx, fy=fx))
 
-    monkeypatch.setattr(gps_clock, "run_front_end", run)
-    monkeypatch.setattr(gps_clock, "with_seen_camera", seen)
-    found = gps_clock._by_the_video_alone(guessed, Config(), NoProgress(), torn)
+    monkeypatch.setattr(camera_refinement, "run_front_end", run)
+    monkeypatch.setattr(camera_refinement, "with_seen_camera", seen)
+    found = with_settled_camera(guessed, Config(), NoProgress(), torn)
     assert (ran, found.camera.fx) == (runs, last)
 
 

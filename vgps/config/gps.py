@@ -151,7 +151,8 @@ class MemoryConfig(SettingsModel):
     """Learn noise and walk of each class but RTK-fix from the recording, with the classes as priors; live,
     those of classes whose errors do not drift steadily for long."""
     path_share: PositiveFloat = 0.003
-    """Error of the video's path from one fix to the next, as a share of the distance."""
+    """Error of the video's path from one fix to the next, as a share of the distance; and drift of its scale
+    and heading, as a share and in radians, where errors of fixes are learned along it."""
     path_spread: PositiveFloat = 0.7
     """Standard deviation of the log of this share between recordings."""
     own_spread: PositiveFloat = 0.3

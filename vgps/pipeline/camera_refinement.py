@@ -9,7 +9,7 @@ from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.model import Camera, CameraGuess, FloatArray, Recording
-from vgps.pipeline.front_end import FrontEnd
+from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.rough_solution import is_tied
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.runtime.progress import Progress
@@ -25,6 +25,8 @@ from vgps.solution import Solution
 _MEASURED = 0.02  # a focal length known to this share is no assumption
 _SHOWN_SHARE = 0.5  # of its prior sigma: the video shows a parameter whose own is smaller
 _STEP_ITERATIONS = 2  # of stage D, doubled in its last round, before each step of the calibration
+_SETTLED_SHARE = 0.02  # of the angles of a lens: by as much are the turns of its path wrong
+_MOST_RUNS = 5  # of stages A to C by the video alone, until it shows the same lens again
 _PARAMETERS = {"focal": "focal length", "cx": "centre x", "cy": "centre y", "k1": "k1", "k2": "k2"}
 
 
@@ -92,6 +94,31 @@ def with_seen_camera(front_end: FrontEnd, config: Config) -> Recording:
     optimise, every = _optimiser(front_end, merged, unused, config), frame_step(merged.scene, config)
     found = estimate_camera(merged.scene, recording.camera, _prior(guess), optimise, config.intrinsics, every)
     return replace(recording, camera=found.camera)
+
+
+def with_settled_camera(front_end: FrontEnd, config: Config, progress: Progress, torn: bool) -> Recording:
+    """Return an uncalibrated recording with the camera that the video shows again by a path made with it.
+
+    A path that was made with a lens far from the right one shows the way to it, but not how far.
+
+    Args:
+        front_end: Stages A to C, perhaps bent to the fixes.
+        config: Settings.
+        progress: Progress display.
+        torn: The fixes have torn the path, so that it shows nothing.
+
+    Raises:
+        GeometryError: The video does not determine the camera.
+    """
+    alone, recording = config.with_gps("none"), front_end.recording
+    for run in range(_MOST_RUNS):
+        if run or torn:
+            progress.stage("again without the fixes, to see the camera")
+            front_end = run_front_end(recording, alone, progress)
+        before, recording = recording.camera, with_seen_camera(front_end, alone)
+        if not moved_far(recording.camera, before, _SETTLED_SHARE):
+            break
+    return recording
 
 
 def _optimiser(

@@ -20,7 +20,7 @@ from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import estimate_time_offset
 from vgps.model import FloatArray, Recording
-from vgps.pipeline.camera_refinement import moved_far, with_seen_camera
+from vgps.pipeline.camera_refinement import moved_far, with_settled_camera
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.rough_solution import video_alone
 from vgps.pipeline.solved_maps import merged_maps
@@ -34,8 +34,6 @@ from vgps.smoothing.scene.scene import Scene
 from vgps.solution import GpsClock, Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
-_SETTLED_SHARE = 0.02  # of the angles of a lens: by as much are the turns of its path wrong
-_MOST_RUNS = 5  # of stages A to C by the video alone, until it shows the same lens again
 _FAR = (
     "the fixes have the shape of the path if they are {0:.1f} s older than their time stamps, more than was "
     "searched: set sensors: {{time_offset_s: {0:.1f}}}"
@@ -109,7 +107,7 @@ def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress:
     if not recording.guesses or config.intrinsics.refine == "no" or front_end.others:
         return compared
     try:
-        seen = _by_the_video_alone(front_end, config, progress, torn=clock.torn)
+        seen = with_settled_camera(front_end, config, progress, torn=clock.torn)
         if not moved_far(seen.camera, recording.camera, config.camera_calibration.restart_share):
             return compared
         progress.stage("again with the camera that the video alone shows")
@@ -117,31 +115,6 @@ def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress:
     except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
         return compared
     return min(compared, again, key=lambda one: _unexplained(one, config))
-
-
-def _by_the_video_alone(front_end: FrontEnd, config: Config, progress: Progress, torn: bool) -> Recording:
-    """Return an uncalibrated recording with the camera that the video shows again by a path made with it.
-
-    A path that was made with a lens far from the right one shows the way to it, but not how far.
-
-    Args:
-        front_end: Stages A to C, perhaps bent to the fixes.
-        config: Settings.
-        progress: Progress display.
-        torn: The fixes have torn the path, so that it shows nothing.
-
-    Raises:
-        GeometryError: The video does not determine the camera.
-    """
-    alone, recording = config.with_gps("none"), front_end.recording
-    for run in range(_MOST_RUNS):
-        if run or torn:
-            progress.stage("again without the fixes, to see the camera")
-            front_end = run_front_end(recording, alone, progress)
-        before, recording = recording.camera, with_seen_camera(front_end, alone)
-        if not moved_far(recording.camera, before, _SETTLED_SHARE):
-            break
-    return recording
 
 
 def _unexplained(front_end: FrontEnd, config: Config) -> float:
