@@ -34,11 +34,13 @@ def settings(**changes):
     return Config.model_validate(SHARP | changes)
 
 
-def result(late_s, sensors=HELD, config=None, told=FixClass.RTK_FIX):
-    """Return stage D's result for a synthetic drive whose stamps are late, and its mean error."""
+def result(late_s, sensors=HELD, config=None, told=FixClass.RTK_FIX, good=0.0):
+    """Return stage D's result for a synthetic drive whose stamps are late, and its mean error; a share of its
+    fixes, the first ones, are RTK-fixes, whatever the others are."""
     problem, true, _, exact = scene(disturbed=0.2)
     made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
     fix_class = np.full(len(exact), CLASSES.index(told))
+    fix_class[: round(good * len(exact))] = CLASSES.index(FixClass.RTK_FIX)
     fixes = replace(exact, t_s=exact.t_s + late_s, fix_class=fix_class)
     found = optimise_batch(made, fixes, sensors, context(config or settings()))
     return found, away(found.trajectory.world_T_camera, true)
@@ -125,14 +127,19 @@ def test_a_trial_finds_all_of_what_the_poses_show_in_part():
     assert found.sensors.time_offset_s == pytest.approx(0.3, abs=0.005) and error_m < 0.02
 
 
-@pytest.mark.parametrize(("good", "improved"), [(3, True), (2, False), (1, False)])
-def test_only_where_most_fixes_are_rtk_fixes_do_the_poses_improve_what_is_certain(
-    monkeypatch, good, improved
-):
-    """They compare the displacements again, so these are no prior."""
+@pytest.mark.parametrize(
+    ("good", "prior", "improved"),
+    [
+        (3, TimeOffset(0.0, 0.5), True),  # their poses compare the displacements again
+        (2, TimeOffset(0.2, 0.02), True),
+        (1, TimeOffset(0.2, 0.02), True),
+        (0, TimeOffset(0.2, 0.02), False),
+    ],
+)
+def test_places_of_rtk_fixes_improve_what_is_certain(monkeypatch, good, prior, improved):
     certain = HELD.with_time_offset(TimeOffset(0.2, 0.02))
-    any_time_offset = replace(certain, prior_time_offset=TimeOffset(0.0, 0.5), shown_by_poses=True)
-    assert trial(monkeypatch, [], certain, good) == (any_time_offset if improved else certain, [])
+    expected = replace(certain, prior_time_offset=prior, shown_by_poses=improved)
+    assert trial(monkeypatch, [], certain, good) == (expected, [])
 
 
 def test_what_is_within_a_sigma_is_not_tried(monkeypatch):
@@ -255,6 +262,15 @@ def test_coarse_fixes_do_not_improve_what_their_displacements_showed():
     shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
     found, _ = result(0.2, shown, told=FixClass.RTK_FLOAT)
     assert found.sensors == shown and found.time_offset_sigma_s == [0.05]
+
+
+@pytest.mark.slow
+def test_rtk_fixes_among_more_floats_improve_what_displacements_showed():
+    shown = HELD.with_time_offset(TimeOffset(0.25, 0.03))
+    found, error = result(0.2, shown, settings(), FixClass.RTK_FLOAT, good=0.4)
+    assert found.sensors.prior_time_offset == shown.prior_time_offset
+    assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.06
+    assert error < 0.5 * result(0.2, replace(shown, probability=1.0), settings(), FixClass.RTK_FLOAT)[1]
 
 
 @pytest.mark.slow

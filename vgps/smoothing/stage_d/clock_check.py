@@ -24,6 +24,7 @@ from vgps.smoothing.stage_d.sensor_steps import least_cost_step
 # Standard deviations from the configured time offset that make a trial worth while. Poses that were held to
 # it have bent to the fixes, and suggest a part of what a trial finds; whether that is chance is decided then.
 _SUSPECT = 1.0
+_MOSTLY = 0.5  # of the fixes
 _DOUBTED = 2.0  # times less is left open by the poses than by displacements: is that so?
 _END_SIGMAS = 2.0  # of what displacements leave open, where the poses are asked
 
@@ -33,12 +34,14 @@ def with_shown_clock(
 ) -> tuple[Sensors, BatchSolution]:
     """Return the sensors with the verdict whether the poses determine the time offset, and the first round.
 
-    What displacements have shown they improve if most fixes are RTK-fixes; they compare these displacements
-    again, so that what was shown is where they start, but no prior. Where that might be chance, or the
-    places of the fixes suggest a time offset, the round is solved again with it to estimate, and counts if it
-    is likelier than none, to the side that was suspected, and not refuted by displacements. Unless most fixes
-    are RTK-fixes, it is held from then on: later rounds, which learn how coarse fixes walk, take a walk along
-    the path for a time offset.
+    What displacements have shown they improve by the places of RTK-fixes. If most fixes are RTK-fixes, poses
+    compare these displacements again, so that what was shown is where they start, but no prior. Among more
+    coarse fixes it is one: later rounds, which learn how coarse fixes walk, take a walk along the path for a
+    time offset. Where no fix is an RTK-fix, it is held.
+
+    Where it might be chance, or the places of the fixes suggest a time offset, the round is solved again with
+    it to estimate, and counts if it is likelier than none, to the side that was suspected, and not refuted by
+    displacements. It is held from then on unless most fixes are RTK-fixes.
 
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
     of what those leave open: what a solution there costs more decides how much is unknown.
@@ -55,9 +58,9 @@ def with_shown_clock(
     shown_before = sensors.prior_time_offset.sigma_s > 0.0
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     if shown_before and sensors.probability == 1.0:
-        if not _mostly_rtk_fixes(solved):
-            return sensors, solved
-        return replace(sensors, prior_time_offset=prior, shown_by_poses=True), solved
+        share = _rtk_fix_share(solved)
+        kept = prior if share > _MOSTLY else sensors.prior_time_offset
+        return replace(sensors, prior_time_offset=kept, shown_by_poses=share > 0.0), solved
     try:
         shown = _shown(solved, prior)
         if (accepted := _tried(sensors, shown, settings, solve)) is not None:
@@ -71,10 +74,10 @@ def with_shown_clock(
     return replace(held, held_sigma_s=held_sigma_s), solve(held)
 
 
-def _mostly_rtk_fixes(solved: BatchSolution) -> bool:
-    """Return whether rounds that learn the errors of coarse fixes may still improve a time offset."""
+def _rtk_fix_share(solved: BatchSolution) -> float:
+    """Return the share of RTK-fixes among those that count."""
     fixes = solved.given.fixes
-    return bool(np.mean(fixes.fix_class[fixes.used] == CLASSES.index(FixClass.RTK_FIX)) > 0.5)
+    return float(np.mean(fixes.fix_class[fixes.used] == CLASSES.index(FixClass.RTK_FIX)))
 
 
 def _held_sigma(shown: TimeOffset, settings: SensorsConfig) -> float:
@@ -157,7 +160,7 @@ def _tried(
     unclear = found.sigma_s > settings.time_offset.shown_share * prior.sigma_s
     if unclear or _contradicts(sensors.by_displacements, found, settings):
         return None
-    if _mostly_rtk_fixes(tried):
+    if _rtk_fix_share(tried) > _MOSTLY:
         return trial, tried
     # the end of this round moves it as the trial did
     moved_s = trial.moved(tried.result.problem.shared).time_offset_s - trial.time_offset_s
