@@ -114,9 +114,8 @@ def test_the_velocity_at_a_fix_is_that_between_its_mean_places_before_and_after(
 def test_at_the_ends_and_beyond_them_the_velocity_is_that_of_what_is_left():
     t_s = np.arange(0.0, 3.05, 0.1)
     found = antenna_velocities(driven(t_s, t_s**2), np.array([-9.0, 0.0, 2.9, 9.0]), np.zeros(3))
-    late = (8.94067 - 7.04333) / (
-        2.99 - 2.65
-    )  # mean squares and mean times, after as if it stood from 3 s on
+    # mean squares over mean times; as if it stood still from 3 s on
+    late = (8.94067 - 7.04333) / (2.99 - 2.65)
     np.testing.assert_allclose(found[:, 0], [1.0 / 3.0, 1.0 / 3.0, late, 17.0 / 3.0], atol=0.01)
 
 
@@ -129,7 +128,7 @@ def test_noise_of_the_poses_is_no_velocity():
 
 @pytest.mark.parametrize("steps_hz", [1.6, 1.8, 2.8])
 def test_the_bob_of_a_walk_is_not_reversed(steps_hz):
-    """As that of the mean velocity over a second is, nearly two steps."""
+    """In a mean velocity over a second that of 1.6 or 1.8 steps a second is."""
     t_s, rate = np.arange(0.0, 3.02, 1 / 30), 2.0 * np.pi * steps_hz
     at_s = np.arange(0.6, 2.4, 0.1)
     found = antenna_velocities(driven(t_s, 0.02 * np.sin(rate * t_s)), at_s, np.zeros(3))

@@ -17,7 +17,7 @@ CLASSES = tuple(FixClass)
 """Fix classes in the order of their indices."""
 _RTK = [CLASSES.index(FixClass.RTK_FIX), CLASSES.index(FixClass.RTK_FLOAT)]
 _CAUCHY_K = 2.385  # 95 % efficiency on Gaussian errors
-_MEAN_S, _MEAN_OF = 0.5, 8  # to either side of a fix, and places in it
+_MEAN_S, _MEAN_OF = 0.5, 8  # duration of the means beside a fix, and how many places they are of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,8 +194,8 @@ def antenna_velocities(path: Trajectory, t_s: FloatArray, camera_p_antenna: Floa
     """Return the velocity of the antenna (M, 3) by its mean places in half a second before and after, m/s.
 
     From frame to frame the noise of the poses is as large as changes of speed. Taken for velocity, it makes
-    accurate fixes contradict every other time offset, so that many of them seem to know it too well. The mean
-    velocity over a second has as little of it, but there the bob of a walk, two steps a second, is reversed.
+    accurate fixes contradict every other time offset, so that many of them seem to know it too well. A mean
+    velocity over a second has little of it, too, but the bob of a walk, two steps a second, reversed.
 
     Args:
         path: The frames.

@@ -35,8 +35,8 @@ def settings(**changes):
 
 
 def result(late_s, sensors=HELD, config=None, told=FixClass.RTK_FIX, good=0.0):
-    """Return stage D's result for a synthetic drive whose stamps are late, and its mean error; a share of its
-    fixes, the first ones, are RTK-fixes, whatever the others are."""
+    """Return stage D's result for a synthetic drive whose stamps are late, and its mean error; of its fixes
+    a share, the first ones, are RTK-fixes whatever the others are told to be."""
     problem, true, _, exact = scene(disturbed=0.2)
     made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
     fix_class = np.full(len(exact), CLASSES.index(told))
@@ -270,7 +270,7 @@ def test_rtk_fixes_among_more_floats_improve_what_displacements_showed():
     found, error = result(0.2, shown, settings(), FixClass.RTK_FLOAT, good=0.4)
     assert found.sensors.prior_time_offset == shown.prior_time_offset
     assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.06
-    assert error < 0.5 * result(0.2, replace(shown, probability=1.0), settings(), FixClass.RTK_FLOAT)[1]
+    assert error < 0.5 * result(0.2, shown, settings(), FixClass.RTK_FLOAT)[1]  # held
 
 
 @pytest.mark.slow

@@ -34,10 +34,10 @@ def with_shown_clock(
 ) -> tuple[Sensors, BatchSolution]:
     """Return the sensors with the verdict whether the poses determine the time offset, and the first round.
 
-    What displacements have shown they improve by the places of RTK-fixes. If most fixes are RTK-fixes, poses
-    compare these displacements again, so that what was shown is where they start, but no prior. Among more
-    coarse fixes it is one: later rounds, which learn how coarse fixes walk, take a walk along the path for a
-    time offset. Where no fix is an RTK-fix, it is held.
+    Poses improve what displacements have shown, by the places of RTK-fixes. If most fixes are RTK-fixes, they
+    compare these displacements again, so that what was shown is where they start, but no prior. If most are
+    coarse, it is the prior: later rounds, which learn how coarse fixes walk, take a walk along the path for a
+    time offset. If all are, it is held.
 
     Where it might be chance, or the places of the fixes suggest a time offset, the round is solved again with
     it to estimate, and counts if it is likelier than none, to the side that was suspected, and not refuted by
