@@ -139,10 +139,30 @@ def test_fixes_of_another_motion_show_none(seed):
     assert search_time_offset(path, stamped(another, 0.0, seed=seed), np.zeros(3), CONFIG) is None
 
 
-@pytest.mark.parametrize("count", [0, 1, 7])
+@pytest.mark.parametrize("count", [0, 1, 5])
 def test_a_few_fixes_show_none(count):
     fixes = stamped(street, 4.0).where(np.arange(20, 20 + count))
     assert search_time_offset(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None
+
+
+@pytest.mark.slow
+def test_leaps_of_the_fixes_do_not_hide_the_time_offset():
+    """A clip of 14 s in a long log of RTK-floats that settle anew three times within it, by metres."""
+    fixes = stamped(street, 7.0, noise_m=0.05)
+    for since_s, leap in ((25.0, [2.0, -3.0, 0.0]), (29.0, [-4.0, 1.0, 0.0]), (33.0, [3.0, 3.0, 0.0])):
+        fixes.world_p_fix[fixes.t_s > since_s] += leap
+    clip_s = np.arange(14.0, 28.0, 0.1)
+    found = search_time_offset(trajectory(street(clip_s), clip_s), fixes, np.zeros(3), CONFIG)
+    assert found == pytest.approx(7.0, abs=0.35)
+
+
+@pytest.mark.slow
+def test_few_fixes_of_a_clip_with_an_outage_show_its_time_offset():
+    """A log that begins and ends with the video: at other time offsets fewer than its nine are within it."""
+    clip_s, t_s = np.arange(16.0, 27.0, 0.1), np.delete(np.arange(16.5, 27.0), [4, 5])
+    fixes = stamped(street, 3.4, t_s=t_s)
+    found = search_time_offset(trajectory(street(clip_s), clip_s), fixes, np.zeros(3), CONFIG)
+    assert found == pytest.approx(3.4, abs=0.15)
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 40.0, 90.0])

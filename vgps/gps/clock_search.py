@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solveh_banded
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from vgps.config import SensorsConfig, TimeOffsetConfig
@@ -22,12 +23,14 @@ from vgps.solution import GpsClock, Trajectory
 
 _REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
-_MIN_PAIRS = 8
+_MIN_PAIRS = 5
+_MIN_COMMON_PAIRS = 8  # for a comparison by these alone
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
 _REWEIGHTINGS = 4
 _MOVING = 0.75  # quantile of displacements; a quarter may be wrong, three quarters those of a stop
 _EXPLAINED_SHARE = 0.1  # of the motion that may be left of fixes which a path explains
-_LEAST_SHARE = 1e-6  # of motions that agree exactly, as simulated ones may
+_LEAST_SCALE = 1e-3  # of the differences, for motions that agree exactly, as simulated ones may
+_CAUCHY_MEAN = 2.0 / 3.0  # of r^2 / (scale^2 + r^2) at the likeliest scale of Cauchy vectors in the plane
 
 
 class ClockCheck(NamedTuple):
@@ -61,6 +64,25 @@ class _Misfit(NamedTuple):
         """Share of the motion that is left; a wrong fix counts as no motion."""
         return float(np.mean(np.minimum(self.left, 1.0) ** 2)) if len(self.left) else np.inf
 
+    @property
+    def cost(self) -> float:
+        """Twice the negative log-likelihood per residual, two a pair, but for a constant.
+
+        Of Cauchy's distribution at its likeliest scale: the leap of an RTK-float that settles anew, or a
+        wrong fix, must not hide how well all others agree.
+        """
+        if not len(self.left):
+            return np.inf
+        squares = self.left**2
+
+        def beyond(log_scale: float) -> float:
+            return float(np.mean(squares / (np.exp(2.0 * log_scale) + squares))) - _CAUCHY_MEAN
+
+        log_scale = np.log(_LEAST_SCALE)
+        if beyond(log_scale) > 0.0:
+            log_scale = brentq(beyond, log_scale, np.log(2.0 * self.left.max()), xtol=1e-3)
+        return float(2.0 * log_scale + 1.5 * np.mean(np.log1p(squares * np.exp(-2.0 * log_scale))))
+
     def among(self, rows: IntArray) -> "_Misfit":
         """Return that of some of the pairs."""
         chosen = np.isin(self.rows, rows)
@@ -70,8 +92,9 @@ class _Misfit(NamedTuple):
     def clearly_less(self, other: "_Misfit", significance_sigmas: float, tried: float) -> bool:
         """Return whether this explains the fixes beyond doubt better than another time offset.
 
-        An F-test of one parameter, of the pairs that both have within the video: a wrong fix that one of them
-        leaves out says nothing. Where these are too few, each with its own; one without pairs says nothing.
+        By the likelihoods of the pairs that both have within the video: a wrong fix that one of them leaves
+        out says nothing. Where these are too few, each with its own; one without pairs says nothing. Of
+        Gaussian differences it would be the F-test of one parameter.
 
         Args:
             other: Of the other time offset.
@@ -81,11 +104,13 @@ class _Misfit(NamedTuple):
         if not len(other.left):
             return False
         this, common = self, np.intersect1d(self.rows, other.rows)
-        if len(common) >= _MIN_PAIRS:
+        if len(common) >= _MIN_COMMON_PAIRS:
             this, other = self.among(common), other.among(common)
-        worse = other.share / max(this.share, _LEAST_SHARE) - 1.0
         freedom = this.degrees_of_freedom
-        return worse * freedom > min_gain(significance_sigmas, freedom, tried)
+        if freedom < 1:
+            return False
+        least = np.log1p(min_gain(significance_sigmas, freedom, tried) / freedom)
+        return bool(other.cost - this.cost > least)
 
 
 def search_time_offset(
@@ -102,10 +127,10 @@ def search_time_offset(
         camera_p_antenna: (3,) metres.
         config: How far around an offset others are taken for the same, and how sure it must be.
     """
-    offsets_s, found, share = _searched(path, fixes, camera_p_antenna, config)
-    best = int(np.argmin(share))
+    offsets_s, found, cost = _searched(path, fixes, camera_p_antenna, config)
+    best = int(np.argmin(cost))
     reach_s = config.time_offset_reach_s
-    others = np.flatnonzero(np.isfinite(share) & (np.abs(offsets_s - offsets_s[best]) > reach_s))
+    others = np.flatnonzero(np.isfinite(cost) & (np.abs(offsets_s - offsets_s[best]) > reach_s))
     tried = 1.0 + len(others) * _STEP_S / reach_s
     clear = (found[best].clearly_less(found[k], config.significance_sigmas, tried) for k in others.tolist())
     return round(float(offsets_s[best]), 1) if len(others) and all(clear) else None
@@ -119,20 +144,20 @@ def unexplained_share(
     Args:
         path, fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
     """
-    _, _, share = _searched(path, fixes, camera_p_antenna, config)
-    return float(share.min())
+    _, found, cost = _searched(path, fixes, camera_p_antenna, config)
+    return found[int(np.argmin(cost))].share
 
 
 def _searched(
     path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
 ) -> tuple[FloatArray, list[_Misfit], FloatArray]:
-    """Return the time offsets (n,), what is left at each, and its share, infinite without enough pairs."""
+    """Return the time offsets (n,), what is left at each, and its cost, infinite without enough pairs."""
     seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
     offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     found = [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
     pairs = np.array([len(one.left) for one in found])
     overlapping = pairs >= max(_MIN_PAIRS, _MIN_SHARE * pairs.max())
-    return offsets_s, found, np.where(overlapping, [one.share for one in found], np.inf)
+    return offsets_s, found, np.where(overlapping, [one.cost for one in found], np.inf)
 
 
 def shows_no_time_offset(
@@ -167,7 +192,7 @@ def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, co
 
     def least(one: _Seen) -> _Misfit:
         found = (_misfit(one, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist())
-        return min(found, key=lambda misfit: misfit.share)
+        return min(found, key=lambda misfit: misfit.cost)
 
     right, mirrored = least(seen), least(seen._replace(antenna=seen.antenna.conj()))
     explained = mirrored.share < _EXPLAINED_SHARE
