@@ -23,6 +23,7 @@ from vgps.solution import GpsClock, Trajectory
 
 _REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
+_FINE_STEP_S = 0.02  # about the one that counts, since a run ends the nearer to the right one it begins
 _MIN_PAIRS = 5
 _MIN_COMMON_PAIRS = 8  # for a comparison by these alone
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
@@ -68,12 +69,13 @@ class _Misfit(NamedTuple):
     def cost(self) -> float:
         """Twice the negative log-likelihood per residual, two a pair, but for a constant.
 
-        Of Cauchy's distribution at its likeliest scale: the leap of an RTK-float that settles anew, or a
-        wrong fix, must not hide how well all others agree.
+        Of the likelier of Gaussian and Cauchy differences, each at its likeliest scale: with Cauchy's, the
+        leap of an RTK-float that settles anew, or a wrong fix, does not hide how well all others agree.
         """
         if not len(self.left):
             return np.inf
         squares = self.left**2
+        gaussian = np.log(max(float(np.mean(squares)) / 2.0, _LEAST_SCALE**2)) + 1.0
 
         def beyond(log_scale: float) -> float:
             return float(np.mean(squares / (np.exp(2.0 * log_scale) + squares))) - _CAUCHY_MEAN
@@ -81,7 +83,8 @@ class _Misfit(NamedTuple):
         log_scale = np.log(_LEAST_SCALE)
         if beyond(log_scale) > 0.0:
             log_scale = brentq(beyond, log_scale, np.log(2.0 * self.left.max()), xtol=1e-3)
-        return float(2.0 * log_scale + 1.5 * np.mean(np.log1p(squares * np.exp(-2.0 * log_scale))))
+        cauchy = 2.0 * log_scale + 1.5 * np.mean(np.log1p(squares * np.exp(-2.0 * log_scale)))
+        return float(min(gaussian, cauchy))
 
     def among(self, rows: IntArray) -> "_Misfit":
         """Return that of some of the pairs."""
@@ -133,7 +136,12 @@ def search_time_offset(
     others = np.flatnonzero(np.isfinite(cost) & (np.abs(offsets_s - offsets_s[best]) > reach_s))
     tried = 1.0 + len(others) * _STEP_S / reach_s
     clear = (found[best].clearly_less(found[k], config.significance_sigmas, tried) for k in others.tolist())
-    return round(float(offsets_s[best]), 1) if len(others) and all(clear) else None
+    if not len(others) or not all(clear):
+        return None
+    near_s = offsets_s[best] + np.arange(-_STEP_S, _STEP_S + _FINE_STEP_S / 2, _FINE_STEP_S)
+    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
+    fine = [_misfit(seen, chosen, offset_s, config.time_offset).cost for offset_s in near_s.tolist()]
+    return round(float(near_s[int(np.argmin(fine))]), 2)
 
 
 def unexplained_share(
