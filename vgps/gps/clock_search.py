@@ -74,17 +74,8 @@ class _Misfit(NamedTuple):
         """
         if not len(self.left):
             return np.inf
-        squares = self.left**2
-        gaussian = np.log(max(float(np.mean(squares)) / 2.0, _LEAST_SCALE**2)) + 1.0
-
-        def beyond(log_scale: float) -> float:
-            return float(np.mean(squares / (np.exp(2.0 * log_scale) + squares))) - _CAUCHY_MEAN
-
-        log_scale = np.log(_LEAST_SCALE)
-        if beyond(log_scale) > 0.0:
-            log_scale = brentq(beyond, log_scale, np.log(2.0 * self.left.max()), xtol=1e-3)
-        cauchy = 2.0 * log_scale + 1.5 * np.mean(np.log1p(squares * np.exp(-2.0 * log_scale)))
-        return float(min(gaussian, cauchy))
+        gaussian = np.log(max(float(np.mean(self.left**2)) / 2.0, _LEAST_SCALE**2)) + 1.0
+        return float(min(gaussian, _cauchy_cost(self.left)))
 
     def among(self, rows: IntArray) -> "_Misfit":
         """Return that of some of the pairs."""
@@ -139,8 +130,7 @@ def search_time_offset(
     if not len(others) or not all(clear):
         return None
     near_s = offsets_s[best] + np.arange(-_STEP_S, _STEP_S + _FINE_STEP_S / 2, _FINE_STEP_S)
-    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
-    fine = [_misfit(seen, chosen, offset_s, config.time_offset).cost for offset_s in near_s.tolist()]
+    fine = [one.cost for one in _misfits(near_s, path, fixes, camera_p_antenna, config)]
     return round(float(near_s[int(np.argmin(fine))]), 2)
 
 
@@ -160,12 +150,23 @@ def _searched(
     path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
 ) -> tuple[FloatArray, list[_Misfit], FloatArray]:
     """Return the time offsets (n,), what is left at each, and its cost, infinite without enough pairs."""
-    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
     offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
-    found = [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
+    found = _misfits(offsets_s, path, fixes, camera_p_antenna, config)
     pairs = np.array([len(one.left) for one in found])
     overlapping = pairs >= max(_MIN_PAIRS, _MIN_SHARE * pairs.max())
     return offsets_s, found, np.where(overlapping, [one.cost for one in found], np.inf)
+
+
+def _misfits(
+    offsets_s: FloatArray,
+    path: Trajectory,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: SensorsConfig,
+) -> list[_Misfit]:
+    """Return what is left at each of some time offsets."""
+    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
+    return [_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
 
 
 def shows_no_time_offset(
@@ -178,11 +179,9 @@ def shows_no_time_offset(
     Args:
         path, fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
     """
-    seen, chosen = _seen(path, camera_p_antenna), _chosen(fixes)
-    offsets_s = _near(config)
-    held = _misfit(seen, chosen, config.time_offset_s, config.time_offset)
-    others = (_misfit(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist())
-    tried = float(len(offsets_s))
+    offsets_s = np.array([config.time_offset_s, *_near(config)])
+    held, *others = _misfits(offsets_s, path, fixes, camera_p_antenna, config)
+    tried = float(len(others))
     return not any(held.clearly_less(other, config.significance_sigmas, tried) for other in others)
 
 
@@ -261,6 +260,19 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     bound = max(float(np.quantile(length, _MOVING)), MIN_SPREAD_M)  # a displacement while it moves
     moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), MIN_SPREAD_M)
     return _Misfit(np.abs(difference) / moved, rows, 2 * len(rows) - 2 * knots.count - 1)
+
+
+def _cauchy_cost(lengths: FloatArray) -> float:
+    """Return the cost (see :class:`_Misfit`) of vectors (n,) in the plane by Cauchy's distribution."""
+    squares = lengths**2
+
+    def beyond(log_scale: float) -> float:
+        return float(np.mean(squares / (np.exp(2.0 * log_scale) + squares))) - _CAUCHY_MEAN
+
+    log_scale = float(np.log(_LEAST_SCALE))
+    if beyond(log_scale) > 0.0:
+        log_scale = float(brentq(beyond, log_scale, np.log(2.0 * lengths.max()), xtol=1e-3))
+    return float(2.0 * log_scale + 1.5 * np.mean(np.log1p(squares * np.exp(-2.0 * log_scale))))
 
 
 def _difference(
