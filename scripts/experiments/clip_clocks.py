@@ -17,10 +17,9 @@ import vgps
 from scripts.common.command import ScriptParser
 from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable
-from vgps.errors import GeometryError
-from vgps.geodesy import to_enu
 from vgps.gps.clock_search import levelled, search_time_offset
-from vgps.gps.fixes import Fixes, fixes_in_world
+from vgps.gps.fixes import Fixes
+from vgps.gps.world_frame import world_fixes
 from vgps.pipeline.front_end import run_front_end
 from vgps.pipeline.rough_solution import video_alone
 from vgps.pipeline.solved_maps import merged_maps
@@ -39,20 +38,14 @@ def clips(name: str, seconds: float, data: Path) -> Iterator[Drive]:
 
 
 def path_of_video(clip: Drive, config: vgps.Config) -> Trajectory:
-    """Return the path that the video alone shows.
-
-    Raises:
-        GeometryError: It shows none.
-    """
+    """Return the path that the video alone shows."""
     alone = run_front_end(clip.recording, config, NoProgress())
     return levelled(video_alone(alone, merged_maps(alone, alone.context(config)), config))
 
 
 def fixes_of(whole: Drive, file: Path, config: vgps.Config) -> Fixes:
     """Return the fixes of a log in the world, at times of the whole recording."""
-    log = whole.read_log(file)
-    position = to_enu(whole.origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    return fixes_in_world(log, position, config.gps)
+    return world_fixes(replace(whole.recording, gps=whole.read_log(file)), config)[1]
 
 
 def verdict(found_s: float | None, late_s: float, config: vgps.Config) -> str:
@@ -67,14 +60,10 @@ def rows(name: str, seconds: float, late_s: list[float], data: Path) -> Iterator
     config, whole = vgps.Config(), open_drive(name, data, data)
     logs = {log: fixes_of(whole, file, config) for log, file in whole.shipped().items()}
     for clip in clips(name, seconds, data):
-        try:
-            path = path_of_video(clip, config.with_gps("none"))
-        except GeometryError:  # too straight or dark for a map
-            continue
+        path, antenna = path_of_video(clip, config.with_gps("none")), clip.recording.rig.camera_p_antenna
         for log, fixes in logs.items():
             for late in late_s:
                 moved = replace(fixes, t_s=fixes.t_s - clip.start_s + late)
-                antenna = clip.recording.rig.camera_p_antenna
                 found_s = search_time_offset(path, moved, antenna, config.sensors)
                 yield {
                     "clip": clip.name,

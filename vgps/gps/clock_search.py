@@ -23,8 +23,8 @@ from vgps.solution import GpsClock, Trajectory
 
 _REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
-_FINE_STEP_S = 0.02  # about the one that counts, since a run ends the nearer to the right one it begins
-_MIN_PAIRS = 5
+_FINE_STEP_S = 0.02  # around the offset found: a run that begins nearer to the right one ends nearer to it
+_MIN_PAIRS = 5  # ten residuals, of which two knots and the time offset take five
 _MIN_COMMON_PAIRS = 8  # for a comparison by these alone
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
 _REWEIGHTINGS = 4
@@ -130,8 +130,8 @@ def search_time_offset(
     if not len(others) or not all(clear):
         return None
     near_s = offsets_s[best] + np.arange(-_STEP_S, _STEP_S + _FINE_STEP_S / 2, _FINE_STEP_S)
-    fine = [one.cost for one in _misfits(near_s, path, fixes, camera_p_antenna, config)]
-    return round(float(near_s[int(np.argmin(fine))]), 2)
+    costs = [one.cost for one in _misfits(near_s, path, fixes, camera_p_antenna, config)]
+    return round(float(near_s[int(np.argmin(costs))]), 2)
 
 
 def unexplained_share(
