@@ -9,6 +9,7 @@ class, 0.8 m and 1.2 m in height, and the drift of the video nearly explain them
 """
 
 import argparse
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -57,18 +58,20 @@ def drifted(true: FloatArray, config: Config, rng: np.random.Generator) -> Float
     return out
 
 
-def fixes_about(true: Trajectory, config: Config, rng: np.random.Generator) -> tuple[Fixes, BoolArray]:
-    """Return fixes (M) of the true path, a second apart, and (M,) which of them are wrong."""
-    t_s = np.arange(0.53, true.t_s[-1] - 0.2)
-    stays = np.exp(-1.0 / _LASTS_S)
+def fixes_about(
+    true: Trajectory, rate_hz: int, config: Config, rng: np.random.Generator
+) -> tuple[Fixes, BoolArray]:
+    """Return fixes (M) of the true path, so many a second, and (M,) which of them are wrong."""
+    t_s = np.arange(0.53, true.t_s[-1] - 0.2, 1.0 / rate_hz)
+    stays = np.exp(-1.0 / (rate_hz * _LASTS_S))
     noise = np.sqrt(1.0 - stays**2) * _SIGMA_M * rng.normal(size=(len(t_s), 3))
     error: FloatArray = lfilter([1.0], [1.0, -stays], noise, axis=0)
     wrong = rng.random(len(t_s)) < _WRONG_SHARE
     count = int(wrong.sum())
     error[wrong] += _directions(count, rng) * np.exp(rng.uniform(np.log(3.0), np.log(20.0), (count, 1)))
-    for first in range(50, len(t_s) - 75, _EVERY_S):
-        begin = first + int(rng.integers(60))
-        run = slice(begin, begin + int(rng.integers(4, 12)))
+    for first_s in range(50, int(t_s[-1]) - 75, _EVERY_S):
+        begin_s = first_s + int(rng.integers(60))
+        run = slice(rate_hz * begin_s, rate_hz * (begin_s + int(rng.integers(4, 12))))
         error[run] += _directions(1, rng) * rng.uniform(4.0, 15.0)
         wrong[run] = True
     centres = true.world_T_camera[:, :3, 3]
@@ -93,7 +96,7 @@ def in_pieces(path: Trajectory, fixes: Fixes, config: Config) -> BoolArray:
     return rejected
 
 
-def one_drive(one_way: FloatArray, frames: int, seed: int) -> dict[str, float]:
+def one_drive(one_way: FloatArray, frames: int, rate_hz: int, seed: int) -> dict[str, float]:
     """Judge one drive; return the figures of a row."""
     region = Region(r_m=0.8, h_m=1.2, correlation_s=_LASTS_S)
     config = Config(seed=seed)
@@ -101,13 +104,14 @@ def one_drive(one_way: FloatArray, frames: int, seed: int) -> dict[str, float]:
     config, rng = config.model_copy(update={"gps": gps}), np.random.default_rng(seed)
     true = Trajectory(_INTERVAL_S * np.arange(frames, dtype=np.float64), drive(one_way, frames))
     path = Trajectory(true.t_s, drifted(true.world_T_camera, config, rng))
-    fixes, wrong = fixes_about(true, config, rng)
+    fixes, wrong = fixes_about(true, rate_hz, config, rng)
     with stopwatch() as elapsed:
         whole = detect_outliers(path, fixes, np.zeros(3), config).rejected
     pieces = in_pieces(path, fixes, config)
     late = fixes.t_s > 0.5 * true.t_s[-1]
     return {
         "frames": frames,
+        "fixes a second": rate_hz,
         "seed": seed,
         "CPU [s]": elapsed.cpu_s,
         "wrong": int(wrong.sum()),
@@ -123,6 +127,7 @@ def arguments(parser: ScriptParser) -> argparse.Namespace:
     """Parse the command line."""
     parser.add_argument("path", type=Path, help="poses of KITTI odometry")
     parser.add_argument("--frames", type=int, nargs="+", default=[900, 4500, 18000, 72000], help="lengths")
+    parser.add_argument("--rates", type=int, nargs="+", default=[1], help="fixes a second")
     add_seeds(parser, 3)
     return parser.parse_args()
 
@@ -133,12 +138,11 @@ def main() -> None:
     given, shown = arguments(parser), None
     with parser.refusals():
         results, one_way = parser.results(given), read_kitti_poses(given.path)
-        for frames in given.frames:
-            for seed in range(given.seeds):
-                row = one_drive(one_way, frames, seed)
-                results.add(**row)
-                shown = shown or LiveTable(*row, numbers=".3g")
-                shown.add(*row.values())
+        for frames, rate_hz, seed in product(given.frames, given.rates, range(given.seeds)):
+            row = one_drive(one_way, frames, rate_hz, seed)
+            results.add(**row)
+            shown = shown or LiveTable(*row, numbers=".3g")
+            shown.add(*row.values())
 
 
 if __name__ == "__main__":

@@ -36,6 +36,17 @@ def walked(offset, k, fixes, config):
     return np.exp(step[0]) * min(farther, 1.0)
 
 
+def repeated(offset, k, fixes, regions, config):
+    """Return the density of fix k if it has the wrong error of the fix before."""
+    step, interval_s = offset[k] - offset[k - 1], min(fixes.t_s[k] - fixes.t_s[k - 1], 1.0)
+    anew = density(step, *np.hypot(regions[k], regions[k - 1]))
+    if not config.gps.has_memory or fixes.fix_class[k] != fixes.fix_class[k - 1]:
+        return anew
+    within = anew / density(np.zeros(3), *np.hypot(regions[k], regions[k - 1]))
+    going_on = within * np.exp(log_walk_density(step[None], fixes.where([k - 1, k]), config.gps)[0])
+    return interval_s * anew + (1.0 - interval_s) * going_on
+
+
 def by_enumeration(offset, fixes, config):
     """Sum over all sequences of states, by the definition of the model."""
     bad = 1.0 / (2.0 * np.pi * JUDGE.outlier_radius_m**3)
@@ -53,8 +64,9 @@ def by_enumeration(offset, fixes, config):
                 prior[[NOMINAL, REPEATED_NOMINAL]] = (1.0 - lasts) * good, lasts * good
             lower_lasts = before in {LOWER, REPEATED_LOWER} and has_lower[k]
             if lower_lasts or before in {OUTLIER, REPEATED_OUTLIER}:
-                prior *= 1.0 - JUDGE.persistence
-                prior[REPEATED_LOWER if lower_lasts else REPEATED_OUTLIER] = JUDGE.persistence
+                lasts = JUDGE.persistence ** min(fixes.t_s[k] - fixes.t_s[k - 1], 1.0)
+                prior *= 1.0 - lasts
+                prior[REPEATED_LOWER if lower_lasts else REPEATED_OUTLIER] = lasts
             weight *= prior[state]
             if not weight:
                 break
@@ -66,7 +78,7 @@ def by_enumeration(offset, fixes, config):
             elif state == OUTLIER:
                 weight *= bad
             else:
-                weight *= density(offset[k] - offset[k - 1], *np.hypot(regions[k], regions[k - 1]))
+                weight *= repeated(offset, k, fixes, regions, config)
         for k, state in enumerate(states):
             total[k, state] += weight
     return total / total.sum(axis=1, keepdims=True), np.log(total[0].sum())
@@ -82,7 +94,7 @@ def test_forward_and_backward_are_the_sum_over_all_sequences(seed, error_model):
     offset[1:3] += [2.0, 1.0, 0.5] if seed else [20.0, 1.0, 0.5]
     r, h = np.where(has_lower, FIX[0], FLOAT[0]), np.where(has_lower, FIX[1], FLOAT[1])
     lower = [np.where(has_lower, size, np.nan) for size in FLOAT]
-    fixes = fixes_at(np.arange(4.0), r, h, lower=lower)
+    fixes = fixes_at(np.array([0.0, 0.1, 2.1, 2.5]), r, h, lower=lower)
     fixes = replace(fixes, fix_class=np.where(has_lower, 0, 1))
     config = CONFIG.model_copy(update={"gps": CONFIG.gps.model_copy(update={"error_model": error_model})})
     found, likelihood = state_probabilities(offset, fixes, config)

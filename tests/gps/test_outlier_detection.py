@@ -74,6 +74,17 @@ def test_a_consistent_cluster_of_false_rtk_fixes_is_rejected():
     assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
 
 
+@pytest.mark.parametrize("rate_hz", [1, 5, 10, 20])
+def test_a_wrong_stretch_is_rejected_however_often_the_receiver_measures(rate_hz):
+    rng = np.random.default_rng(rate_hz)
+    t_s = np.arange(0.05, 19.0, 1.0 / rate_hz)
+    wrong = (t_s > 8.0) & (t_s < 13.0)
+    offset = np.cumsum(rng.normal(0.0, 0.01 / np.sqrt(rate_hz), (len(t_s), 3)), axis=0)
+    offset[wrong] += [5.4, -4.2, 3.0]
+    found = judged(drifting(0.1), fixes_at(t_s, 0.8, 1.2, offset=offset))
+    np.testing.assert_array_equal(found.rejected, wrong)
+
+
 @pytest.mark.slow
 def test_false_fixes_at_the_start_are_rejected():
     """No fixes precede them, and a path that deforms in its first seconds would fit them."""

@@ -19,6 +19,14 @@ def test_only_runs_between_jumps_are_suspect():
     assert found == [[[0, 1, 2, 3], [4, 5, 6, 7, 8, 9, 10, 11], [13, 14, 15, 16, 17, 18]]]
 
 
+def test_the_other_end_of_a_wrong_run_may_be_less_of_a_jump():
+    lesser = np.where(np.arange(18) == 5, 0.8, 0.3)
+    assert rows(suspect_runs(lesser, ALL, ONE, 8)) == [[]]
+    jumps = np.where(np.arange(18) == 11, 9.0, lesser)
+    found = rows(suspect_runs(jumps, ALL, ONE, 8))
+    assert found == [[[0, 1, 2, 3, 4, 5], [6, 7, 8, 9, 10, 11], [12, 13, 14, 15, 16, 17, 18]]]
+
+
 def test_fixes_that_are_not_accepted_belong_to_no_run():
     accepted = np.arange(19) != 12
     jumps = np.where(np.arange(17) == 3, 9.0, 0.5)

@@ -32,8 +32,8 @@ class OutlierConfig(SettingsModel):
     outlier_radius_m: PositiveFloat = 50.0
     """An outlier lies anywhere within this distance of the antenna."""
     persistence: Share = 0.02
-    """Probability that an error lasts to the next fix; kept low, since a sudden loss of scale looks the
-    same."""
+    """Probability that an error lasts for a second, or to the next fix if that is later; kept low, since a
+    sudden loss of scale looks the same."""
     max_jumps: PositiveInt = 8
     """Jumps against the path, the largest ones of each stretch (60 knots of its drift), between which runs of
     fixes are tested as outliers together."""

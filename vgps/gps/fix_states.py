@@ -5,6 +5,9 @@ RTK-fix with the error of an RTK-float), or it is an outlier of up to tens of me
 a wrong ambiguity or a reflection gives the next fixes the same error. So six fixes that agree with each other
 but with no other fix are more likely one error than six. Under the error model with memory the error of a
 class persists, too, up to the walk of its offset: a stretch of fixes counts once, however many they are.
+
+What persists is a matter of time: a receiver that measures ten times a second repeats a wrong position ten
+times as often, which makes it no likelier.
 """
 
 from math import gamma
@@ -34,8 +37,9 @@ def state_probabilities(
 
     The density inside a class is that of the cylinder, ``exp(-omega Psi) / Z``, Eq. (11)(16), Kume 2010. A
     survey drops its worst epochs, so a small share of a class has a larger cylinder. Outliers are uniform
-    within ``outlier_radius_m`` of the antenna. A repeated error equals that of the previous fix up to the
-    regions of the two.
+    within ``outlier_radius_m`` of the antenna. A repeated error equals that of a second before up to the
+    regions of the two; between fixes of one stretch that follow sooner it walks within these, as that of
+    their class does.
 
     Args:
         offset: (M, 3) antenna minus fix, metres.
@@ -78,11 +82,12 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
 def _transitions(prior: FloatArray, fixes: Fixes, config: Config) -> FloatArray:
     """Return the transition probabilities (M - 1, 6, 6) from each fix to the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
+    lasts = config.outliers.persistence ** _at_most_a_second(fixes)
     share = {
         REPEATED_NOMINAL: np.where(_continued(fixes, config), config.gps.memory.persistence, 0.0),
         # a fix whose class has none below it cannot be in that state
-        REPEATED_LOWER: np.where(prior[1:, LOWER] > 0.0, config.outliers.persistence, 0.0),
-        REPEATED_OUTLIER: np.full(len(change), config.outliers.persistence),
+        REPEATED_LOWER: np.where(prior[1:, LOWER] > 0.0, lasts, 0.0),
+        REPEATED_OUTLIER: lasts,
     }
     for state, repeated in _REPEATED.items():
         moved = share[repeated]
@@ -93,6 +98,19 @@ def _transitions(prior: FloatArray, fixes: Fixes, config: Config) -> FloatArray:
             change[:, state] *= (1.0 - moved)[..., None]
         change[:, state, repeated] += moved
     return change
+
+
+def drawn_anew(fixes: Fixes, config: Config) -> FloatArray:
+    """Return the share (M - 1,) of an error that is drawn anew from each fix to the next.
+
+    All of it after a second, or where a fix does not continue the stretch of the one before.
+    """
+    return np.where(_continued(fixes, config), _at_most_a_second(fixes), 1.0)
+
+
+def _at_most_a_second(fixes: Fixes) -> FloatArray:
+    """Return the time (M - 1,) from each fix to the next, at most a second."""
+    return np.asarray(np.clip(np.diff(fixes.t_s), 0.0, 1.0))
 
 
 def _continued(fixes: Fixes, config: Config) -> BoolArray:
@@ -111,11 +129,15 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
     lower = np.where(np.isnan(lower), -np.inf, lower)
     bad = np.full(len(offset), -np.log(2.0 * np.pi * config.outliers.outlier_radius_m**3))
     r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
-    same = _log_class_density(np.diff(offset, axis=0), r, h, config, tolerance_m)
-    repeated = np.append(-np.inf, same)
+    step = np.diff(offset, axis=0)
+    walked = log_walk_density(step, fixes, config.gps, tolerance_m)
+    same, most = (_log_class_density(each, r, h, config, tolerance_m) for each in (step, np.zeros_like(step)))
+    anew = drawn_anew(fixes, config)
+    with np.errstate(divide="ignore"):  # log 0 of what is excluded
+        same = np.logaddexp(same + np.log(anew), walked + np.log1p(-anew) + same - most)
+    repeated, walked = np.append(-np.inf, same), np.append(-np.inf, walked)
     # a jump within a stretch leads to another offset of the class
     farther = np.append(0.0, np.minimum(np.diff(nominal), 0.0))
-    walked = np.append(-np.inf, log_walk_density(np.diff(offset, axis=0), fixes, config.gps, tolerance_m))
     return np.stack([nominal, lower, bad, walked + farther, repeated, repeated], axis=1)
 
 

@@ -16,7 +16,14 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.gps.drift_model import DriftModel
-from vgps.gps.fix_states import LOWER, NOMINAL, REPEATED_LOWER, REPEATED_NOMINAL, state_probabilities
+from vgps.gps.fix_states import (
+    LOWER,
+    NOMINAL,
+    REPEATED_LOWER,
+    REPEATED_NOMINAL,
+    drawn_anew,
+    state_probabilities,
+)
 from vgps.gps.fixes import CLASSES, Fixes, place
 from vgps.gps.regions import lower_class
 from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trial_masks
@@ -153,7 +160,8 @@ def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Co
 
     best = _likeliest(fits(lambda model: (model.start, model.fit_coarse_to_fine(everything, tolerance_m))))
     accepted = ~assess_offsets(best.offset, fixes, config, tolerance_m).rejected
-    beyond = _jumps(models[0].offsets(models[0].start)[accepted], fixes.where(accepted), tolerance_m)
+    offset = models[0].offsets(models[0].start)[accepted]
+    beyond = _jumps(offset, fixes.where(accepted), tolerance_m, config)
     runs = suspect_runs(beyond, accepted, stretches, config.outliers.max_jumps)
     if left_out := trial_masks(runs, len(fixes)):
         ends = fits_without(left_out)
@@ -165,12 +173,12 @@ def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Co
     return assess_offsets(best.offset, fixes, config, tolerance_m)
 
 
-def _jumps(offset: FloatArray, fixes: Fixes, tolerance_m: float) -> FloatArray:
-    """Return the changes (N - 1,) of the offset (N, 3) from fix to fix, in their regions."""
-    step, r, h = np.diff(offset, axis=0), fixes.r_m, fixes.h_m
+def _jumps(offset: FloatArray, fixes: Fixes, tolerance_m: float, config: Config) -> FloatArray:
+    """Return the changes (N - 1,) of the offset (N, 3) from fix to fix, in regions of what is drawn anew."""
+    step, r, h, anew = np.diff(offset, axis=0), fixes.r_m, fixes.h_m, drawn_anew(fixes, config)
     return np.maximum(
-        np.hypot(step[:, 0], step[:, 1]) / (r[1:] + r[:-1] + tolerance_m),
-        np.abs(step[:, 2]) / (h[1:] + h[:-1] + tolerance_m),
+        np.hypot(step[:, 0], step[:, 1]) / (anew * (r[1:] + r[:-1]) + tolerance_m),
+        np.abs(step[:, 2]) / (anew * (h[1:] + h[:-1]) + tolerance_m),
     )
 
 

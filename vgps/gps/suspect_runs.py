@@ -13,6 +13,7 @@ from vgps.gps.fixes import Fixes, place
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 
+_LESSER_JUMP = 0.5  # in regions, where a change of class explains most of what begins or ends
 _STRETCH_KNOTS = 60  # of the drift model: so many changes leave the drift at one end free of the other's
 
 
@@ -51,14 +52,17 @@ def suspect_runs(
     """Return the runs between jumps that may share an error, as rows of fixes, for every stretch.
 
     Args:
-        beyond: (N - 1,) change of the offset from one accepted fix to the next, in regions; a jump beyond 1.
+        beyond: (N - 1,) change of the offset from one accepted fix to the next, in regions. A stretch with a
+            jump beyond 1 is suspect; the other end of its wrong run may be less of a jump.
         accepted: (M,) the N fixes to consider.
         stretches: Of the path.
         max_jumps: Number of jumps in a stretch, the largest ones, to consider.
     """
     rows = np.flatnonzero(accepted)
     of_row = stretches.of_fix[rows]
-    jumps = np.flatnonzero(beyond > 1.0)
+    largest = np.zeros(stretches.count)
+    np.maximum.at(largest, of_row[:-1], beyond)
+    jumps = np.flatnonzero((beyond > _LESSER_JUMP) & (largest[of_row[:-1]] > 1.0))
     jumps = jumps[np.lexsort((-beyond[jumps], of_row[jumps]))]
     rank = np.arange(len(jumps)) - np.searchsorted(of_row[jumps], of_row[jumps])
     ends = np.sort(jumps[rank < max_jumps]) + 1
