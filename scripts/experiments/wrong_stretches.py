@@ -26,8 +26,8 @@ from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, GpsLog
 from vgps.solution import Verdict
 
-RECORDINGS = ("kitti07", "kitti03")
-SOURCES = ("septentrio", "gps_moving.nmea", "kitti03_more/gps_moving.nmea")
+RECORDINGS = ("kitti03",)
+SOURCES = ("septentrio", "kitti03_more/gps_moving.nmea")
 DOUBTED = (Verdict.REJECTED, Verdict.DOWN_CLASSED)
 _EDGE = 0.15  # of the recording at either end, where no wrong stretch begins or ends
 
@@ -100,7 +100,7 @@ def arguments(parser: ScriptParser) -> argparse.Namespace:
         help=f"{', '.join(REPLAYED)}, or logs that ship with a recording",
     )
     parser.add_argument("--moved", nargs="+", type=float, default=[3.0, 12.0], help="metres")
-    parser.add_argument("--seconds", type=float, default=4.0, help="duration of the wrong stretch")
+    parser.add_argument("--seconds", type=float, default=8.0, help="duration of the wrong stretch")
     parser.add_argument("--rates", nargs="+", type=float, default=[1.0, 10.0], help="fixes a second")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the recordings")
     add_seeds(parser, 2)
