@@ -40,6 +40,26 @@ def test_heights_that_are_ellipsoidal_leave_no_doubt(tmp_path):
     assert "m too high" in read_gpx(ocean.encode(), tmp_path / "gps.gpx").doubts[0]
 
 
+@pytest.mark.parametrize("height", ["", "<ele>0</ele>"])
+def test_a_track_without_heights_has_horizontal_fixes(tmp_path, height):
+    flat = GPX.replace("<ele>101</ele>", height).replace("<ele>100.5</ele>", height)
+    file = tmp_path / "gps.gpx"
+    file.write_text(flat.replace("<geoidheight>48.0</geoidheight>", ""))
+    found = read_gps_log(file)
+    assert len(found) == 2
+    np.testing.assert_array_equal(found.height_m, 0.0)
+    np.testing.assert_array_equal(found.sigma_m[:, 2], 1000.0)
+    assert [note for note in found.doubts if note.startswith("no heights")] == list(found.doubts)
+
+
+def test_a_track_without_any_fix_says_nothing_of_heights(tmp_path):
+    lost = GPX.replace("dgps", "none").replace("<ele>101</ele>", "<fix>none</fix>")
+    with pytest.raises(GpsLogError, match=r"no fix with a position \((?!.*height)"):
+        file = tmp_path / "gps.gpx"
+        file.write_text(lost)
+        read_gps_log(file)
+
+
 def test_an_absurd_number_of_satellites_is_unknown(tmp_path):
     raw = read_gpx(GPX.replace("<sat>9<", f"<sat>{'9' * 400}<").encode(), tmp_path / "gps.gpx")
     assert len(raw.fixes) == 2 and np.isnan(raw.fixes[0].satellites)

@@ -56,7 +56,7 @@ def read_android(data: bytes) -> RawLog:
     found = [[fix for name in names for fix in fixes.get(name, [])] for names in _PROVIDERS]
     chosen = next((rows for rows in found if rows), [])
     others = sum(map(len, fixes.values())) - len(chosen)
-    placed, about_heights = with_a_height(chosen) if chosen else ([], [])
+    placed, about_heights = with_a_height(chosen)
     notes = [*damaged_lines(damaged), *skipped(others, "fix", "of other providers")]
     return RawLog(Clock.UTC, placed, notes, doubts=about_heights)
 

@@ -199,8 +199,11 @@ def _last_digits_m(latitude_deg: FloatArray, longitude_deg: FloatArray) -> float
 
 
 def with_a_height(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
-    """Return fixes at height 0 with a large sigma and a note if none has a height, else as they are."""
-    if any(np.isfinite(fix.height_m) for fix in fixes):
+    """Return fixes at height 0 with a large sigma and a note if none has a height, else as they are.
+
+    Programs that know no heights write 0 or nothing.
+    """
+    if not fixes or any(np.isfinite(fix.height_m) and fix.height_m for fix in fixes):
         return fixes, []
     flat = [fix._replace(height_m=0.0, sigma_m=(*fix.sigma_m[:2], _NO_HEIGHT_SIGMA_M)) for fix in fixes]
     return flat, [_NO_HEIGHTS]

@@ -10,7 +10,7 @@ from gpxpy.gpx import GPXException, GPXTrackPoint
 from vgps.crs import egm96
 from vgps.errors import GpsLogError
 from vgps.model import FixClass
-from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, skipped, unix_s
+from vgps.readers.gps_formats.fixes import Clock, Fix, RawLog, counted, skipped, unix_s, with_a_height
 
 # <fix> as GPX 1.1 defines it (none, 2d, 3d, dgps, pps), and as programs for RTK receivers write it
 _CLASSES = {
@@ -36,7 +36,7 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
 
     A point's class is that of its ``<fix>``, including ``rtk`` and ``rtk_float``, which GPX does not define;
     without one it is single. ``ele`` is above the geoid if there is a ``geoidheight``; otherwise it is taken
-    as ellipsoidal, with a note.
+    as ellipsoidal, with a note. A track without any has horizontal fixes.
 
     Raises:
         GpsLogError: The file is not GPX, or no point has a time.
@@ -63,7 +63,8 @@ def read_gpx(data: bytes, path: Path) -> RawLog:
         *skipped(len(points) - len(named), "point", "without a time"),
         *skipped(len(named) - len(fixes), "point", "without a fix"),
     ]
-    return RawLog(Clock.UTC, fixes, lost, doubts=_doubts([point for _, point in timed]))
+    fixes, about_none = with_a_height(fixes)
+    return RawLog(Clock.UTC, fixes, lost, doubts=about_none or _doubts([point for _, point in timed]))
 
 
 def _classes(text: str) -> tuple[dict[int, str], str]:

@@ -100,7 +100,7 @@ def log_of(reading: Reading) -> RawLog:
     fixes = [
         _fix(epoch, reading, separation) for epoch, separation in zip(with_fix, filled.tolist(), strict=True)
     ]
-    fixes, about_none = with_a_height(fixes) if fixes else ([], [])
+    fixes, about_none = with_a_height(fixes)
     notes = [
         *damaged_lines(reading.damaged),
         *skipped(len(reading.epochs) - len(with_fix) + reading.untimed_empty, "epoch", "without a fix"),

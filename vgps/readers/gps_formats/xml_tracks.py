@@ -50,8 +50,6 @@ def read_xml_track(data: bytes, path: Path) -> RawLog:
     lost = skipped(len(found) - len(fixes), "point", "without a time and a place")
     if not fixes:
         return RawLog(Clock.UTC, [], lost)
-    if not any(fix.height_m for fix in fixes):
-        fixes = [fix._replace(height_m=math.nan) for fix in fixes]
     flat, about_none = with_a_height(fixes)
     raised, about_heights = (flat, []) if about_none else from_sea_level(flat)
     return RawLog(Clock.UTC, raised, [*lost, *about_heights], doubts=about_none)
