@@ -26,7 +26,7 @@ from vgps.solution import Verdict
 pytestmark = pytest.mark.slow
 
 SHARP = {"batch": {"video_sigma_scale": 1.0}}  # a video as exact as this one
-SHIFT = np.array([0.25, 0.2, -0.3])
+SHIFT = np.array([0.2, 0.16, -0.24])  # verdicts between the rounds find 0.4 m
 
 
 @pytest.fixture(autouse=True)
