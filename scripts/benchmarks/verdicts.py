@@ -2,8 +2,8 @@
 
 A drive follows a path of KITTI odometry, forwards, backwards, forwards ..., at 10 frames a second. Its video
 drifts in scale and direction by a third of what the settings allow for, and stays near the path, as stage C
-leaves it. There is a fix a second, whose error of 0.25 m lasts for a minute. Wrong are 5 % of the fixes by
-3 to 20 m, and every 200 s four to eleven in a row share an error of 4 to 15 m. Outlier detection judges the
+leaves it. There is a fix a second, or several, whose error of 0.25 m lasts for a minute. Wrong are 5 % of the
+fixes by 3 to 20 m, and every 200 s all of 4 to 11 s share one of 4 to 15 m. Outlier detection judges the
 whole drive, and its pieces of 90 s each by itself. Some wrong fixes are missed either way: the region of the
 class, 0.8 m and 1.2 m in height, and the drift of the video nearly explain them.
 """

@@ -21,6 +21,7 @@ from scripts.common.command import ScriptParser, add_seeds
 from scripts.common.drives import Drive, open_drive
 from scripts.common.markdown import LiveTable
 from scripts.common.replayed_errors import REPLAYED, make_errors
+from vgps.errors import GpsLogError
 from vgps.evaluation import evaluate
 from vgps.geodesy import to_enu, to_geodetic
 from vgps.model import BoolArray, GpsLog
@@ -74,6 +75,9 @@ def rows(given: argparse.Namespace, scratch: Path) -> Iterator[dict[str, Any]]:
     for name in given.recordings:
         drive = open_drive(name, given.data, scratch)
         sources = [source for source in given.sources if source in {*REPLAYED, *drive.shipped()}]
+        if not sources:
+            known = ", ".join([*REPLAYED, *drive.shipped()])
+            raise GpsLogError(f"none of {', '.join(given.sources)}", file=drive.folder, expected=known)
         for source, moved_m, seed in product(sources, given.moved, range(given.seeds)):
             errors, rng = make_errors(source, drive, given.data, seed), np.random.default_rng(seed)
             log, wrong = with_wrong_stretch(errors.log, drive, moved_m, given.seconds, rng)

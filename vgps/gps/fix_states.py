@@ -128,17 +128,28 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
         lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
     lower = np.where(np.isnan(lower), -np.inf, lower)
     bad = np.full(len(offset), -np.log(2.0 * np.pi * config.outliers.outlier_radius_m**3))
-    r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
     step = np.diff(offset, axis=0)
     walked = log_walk_density(step, fixes, config.gps, tolerance_m)
-    same, most = (_log_class_density(each, r, h, config, tolerance_m) for each in (step, np.zeros_like(step)))
-    anew = drawn_anew(fixes, config)
-    with np.errstate(divide="ignore"):  # log 0 of what is excluded
-        same = np.logaddexp(same + np.log(anew), walked + np.log1p(-anew) + same - most)
-    repeated, walked = np.append(-np.inf, same), np.append(-np.inf, walked)
+    repeated = np.append(-np.inf, _log_repeated_density(step, walked, fixes, config, tolerance_m))
+    walked = np.append(-np.inf, walked)
     # a jump within a stretch leads to another offset of the class
     farther = np.append(0.0, np.minimum(np.diff(nominal), 0.0))
     return np.stack([nominal, lower, bad, walked + farther, repeated, repeated], axis=1)
+
+
+def _log_repeated_density(
+    step: FloatArray, walked: FloatArray, fixes: Fixes, config: Config, tolerance_m: float
+) -> FloatArray:
+    """Return the log density (M - 1,) [1/m^3] of the steps (M - 1, 3) of a wrong error that lasts.
+
+    ``walked`` (M - 1,) is that of the same steps of an error of the class.
+    """
+    r, h = np.hypot(fixes.r_m[1:], fixes.r_m[:-1]), np.hypot(fixes.h_m[1:], fixes.h_m[:-1])
+    same, most = (_log_class_density(each, r, h, config, tolerance_m) for each in (step, np.zeros_like(step)))
+    within = walked + same - most  # heavy tails would lead beyond the regions
+    anew = drawn_anew(fixes, config)
+    with np.errstate(divide="ignore"):  # log 0 of what is excluded
+        return np.asarray(np.logaddexp(same + np.log(anew), within + np.log1p(-anew)))
 
 
 def _log_class_density(
