@@ -46,9 +46,9 @@ class DrivingCamera:
     def antenna(self):
         return self.true[:, :3, 3] + self.true[:, :3, :3] @ ANTENNA
 
-    def fixes(self, kinds, offset):
-        """A fix at every tenth frame with the class of ``kinds`` (n,) and an error of ``offset`` (n, 3)."""
-        at, regions = np.arange(len(kinds)) * 10, Config().gps.regions
+    def fixes(self, kinds, offset, every=10):
+        """A fix every so many frames with the class of ``kinds`` (n,) and an error of ``offset`` (n, 3)."""
+        at, regions = np.arange(len(kinds)) * every, Config().gps.regions
         r_m, h_m = (np.array([getattr(regions[kind], name) for kind in kinds]) for name in ("r_m", "h_m"))
         fixes = fixes_of_size(self.t_s[at], self.antenna()[at] + offset, r_m, h_m)
         return replace(

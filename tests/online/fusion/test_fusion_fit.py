@@ -5,7 +5,8 @@ import pytest
 from fused_drives import DrivingCamera, fit_input, fixed_then_float
 
 import vgps
-from vgps.online.fusion.fusion_fit import fit, newest_fit
+from vgps.model import FixClass
+from vgps.online.fusion.fusion_fit import fit, fit_with_verdicts, newest_fit
 
 CONFIG = vgps.Config()
 FIRST, AFTER = 305, 312  # frames at the last whole fit and now; there is a fix at frame 310
@@ -61,3 +62,15 @@ def test_a_fix_that_surprises_waits_for_its_verdict():
     assert newest_fit(fit_input(path, AFTER, fixes, last), CONFIG) is None
     trusting = replace(fixes, world_p_fix=fixes.world_p_fix - wrong)
     assert newest_fit(fit_input(path, AFTER, trusting, last), CONFIG) is not None
+
+
+def test_many_wrong_fixes_in_a_short_time_do_not_outvote_the_good_ones_before():
+    drive = DrivingCamera(400)
+    wrong = np.arange(400) >= 300
+    off_m = np.where(wrong[:, None], [2.0, -2.0, 1.0], 0.0)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 400, off_m, every=1)
+    path = drive.seen(np.random.default_rng(4), share=0.5)
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    rejected = fit_with_verdicts(fit_input(path, 400, fixes, last), CONFIG).assessment.rejected
+    assert rejected[wrong].all()
+    assert rejected[~wrong].sum() <= 4  # those between the last good and the first wrong one that were judged

@@ -8,7 +8,7 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import with_errors
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
-from vgps.model import FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.fusion.node_fixes import SAME_TIME_S
@@ -17,7 +17,7 @@ from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
 _SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
-_MOST_JUDGED = 120  # newest fixes; thousands would take a second
+_MOST_JUDGED, _NEWEST_JUDGED = 120, 40  # fixes; thousands would take a second
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,10 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
 
 
 def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
-    """Return verdicts on the newest fixes along the last fit, and the fit to those that take part."""
+    """Return verdicts on the fixes along the last fit, and the fit to those that take part."""
     path, last = given.path, given.last
     poses = path.poses if last is None else last.world_T_camera(path)
-    judged = given.fixes.t_s >= np.sort(given.fixes.t_s)[-_MOST_JUDGED:].min(initial=np.inf)
+    judged = _judged(len(given.fixes))
     seen = path.t_s >= given.fixes.t_s[judged].min(initial=np.inf) - 1.0
     whole = Trajectory(path.t_s[seen], poses[seen])
     assessment = given.assessment
@@ -85,9 +85,34 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
         rest_s = 0.0 if last is None else last.time_offset.time_offset_s
         fixes = replace(given.fixes, used=given.fixes.used & judged).without_time_offset(rest_s)
         found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
-        assessment = assessment.updated(found)
+        assessment = assessment.updated(_with_fixes_between(found, given.fixes))
     fixes = assessment.applied(given.fixes)
     return FitResult(_learning_fit(given, fixes, config), given.number, assessment)
+
+
+def _judged(count: int) -> BoolArray:
+    """Return which of so many fixes, in order of time, are judged: the newest, and a share of those before.
+
+    The newest alone, of a receiver that measures ten times a second, would be those of twelve seconds, in
+    which wrong fixes soon outnumber the good ones before them.
+    """
+    judged = np.zeros(count, dtype=bool)
+    older = max(count - _NEWEST_JUDGED, 0)
+    judged[older:] = True
+    judged[np.linspace(0, older - 1, min(_MOST_JUDGED - _NEWEST_JUDGED, older)).round().astype(int)] = True
+    return judged
+
+
+def _with_fixes_between(found: FixAssessment, fixes: Fixes) -> FixAssessment:
+    """Return verdicts on all fixes (M,): of those on the judged ones of its class around a fix, the worse."""
+    judged, row = np.isfinite(found.nominal), np.arange(len(fixes))
+    for kind in np.unique(fixes.fix_class[judged]):
+        same = fixes.fix_class == kind
+        of_kind, between = np.flatnonzero(judged & same), np.flatnonzero(~judged & same)
+        after = np.searchsorted(of_kind, between)
+        before, after = of_kind[np.maximum(after - 1, 0)], of_kind[np.minimum(after, len(of_kind) - 1)]
+        row[between] = np.where(found.nominal[before] < found.nominal[after], before, after)
+    return FixAssessment(found.nominal[row], found.lower[row])
 
 
 def _as_learned(config: Config, last: FusedPath | None) -> Config:
