@@ -14,6 +14,8 @@ from vgps.model import FixClass
 from vgps.online.fusion import live_fusion
 from vgps.online.fusion.fit_job import FitJob
 from vgps.online.fusion.live_fusion import LiveFusion
+from vgps.online.fusion.live_time_offset import LiveTimeOffset
+from vgps.online.fusion.unknown_time_offset import unknown_time_offset
 
 LATE_S, CONFIG = 0.4, Config()
 
@@ -21,9 +23,9 @@ LATE_S, CONFIG = 0.4, Config()
 class Pipeline:
     """A stand-in for a frame pipeline that sees a drive as the video shows it, and gets its RTK-fixes."""
 
-    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG, antenna_known=True):
+    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG, antenna_known=True, drift=0.5):
         drive = DrivingCamera(500)
-        self.path, self.true = drive.seen(np.random.default_rng(4), share=0.5), drive.true
+        self.path, self.true = drive.seen(np.random.default_rng(4), share=drift), drive.true
         fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
         self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
         self.t_s, self.warnings, self.camera = np.zeros(0), [], "given"
@@ -163,6 +165,23 @@ def test_the_next_map_begins_with_the_time_offset_that_was_found():
         assert pipeline.fix_buffer.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.05)
     assert not pipeline.fix_buffer.assessment.rejected.any()
     assert 1 <= len(pipeline.warnings) <= 3 and "older than their time stamps" in pipeline.warnings[-1]
+
+
+@pytest.mark.slow
+def test_displacements_correct_a_time_offset_that_fits_are_wrongly_sure_of(monkeypatch):
+    def sure_of_none(*args):
+        return replace(unknown_time_offset(*args), time_offset=LiveTimeOffset(0.0, 0.005, 0.005))
+
+    monkeypatch.setattr("vgps.online.fusion.path_fusion.unknown_time_offset", sure_of_none)
+    pipeline = Pipeline(LATE_S, drift=0.1)
+    while not pipeline.warnings:
+        pipeline.frame()
+    assert "older than their time stamps" in pipeline.warnings[0]
+    assert pipeline.fix_buffer.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.03)
+    for _ in range(100):
+        pipeline.frame()
+        assert pipeline.error_m() < 0.3  # 3.2 m by the wrong clock
+    assert len(pipeline.warnings) == 1
 
 
 def test_a_path_is_fitted_anew_once_an_imu_is_left_out(monkeypatch):

@@ -8,7 +8,9 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import with_errors
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
+from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.online.fusion.clock_watch import shown_time_offset
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.fusion.node_fixes import SAME_TIME_S
@@ -24,18 +26,23 @@ _MOST_JUDGED, _NEWEST_JUDGED = 120, 40  # fixes; thousands would take a second
 class FitResult:
     """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
 
-    ``surprising``: whether its newest fixes call for verdicts.
+    ``surprising``: whether its newest fixes call for verdicts. ``shown``: the rest of the time offset, where
+    displacements contradict the fit, if they were asked.
     """
 
     fused: FusedPath
     number: IntArray
     assessment: FixAssessment
     surprising: bool = False
+    shown: TimeOffset | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitInput:
-    """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical."""
+    """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical.
+
+    ``asks_displacements``: for the time offset, once the fit is found.
+    """
 
     path: VideoPath
     fixes: Fixes
@@ -44,6 +51,7 @@ class FitInput:
     camera_p_antenna: FloatArray
     last: FusedPath | None
     gravity: Gravity | None = None
+    asks_displacements: bool = False
 
 
 def fit(given: FitInput, config: Config) -> FitResult:
@@ -53,7 +61,9 @@ def fit(given: FitInput, config: Config) -> FitResult:
     surprising = detects_outliers(config) and (
         given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
     )
-    return FitResult(fused, given.number, given.assessment, surprising)
+    if surprising:
+        return FitResult(fused, given.number, given.assessment, surprising=True)
+    return _result(given, given.assessment, fused, config)
 
 
 def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
@@ -86,8 +96,17 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
         fixes = replace(given.fixes, used=given.fixes.used & judged).without_time_offset(rest_s)
         found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
         assessment = assessment.updated(_with_fixes_between(found, given.fixes))
-    fixes = assessment.applied(given.fixes)
-    return FitResult(_learning_fit(given, fixes, config), given.number, assessment)
+    fused = _learning_fit(given, assessment.applied(given.fixes), config)
+    return _result(given, assessment, fused, config)
+
+
+def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config: Config) -> FitResult:
+    result = FitResult(fused, given.number, assessment)
+    if not given.asks_displacements:
+        return result
+    path, fixes = given.path, assessment.applied(given.fixes)
+    world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset
+    return replace(result, shown=shown_time_offset(path, world, fixes, antenna, believed, config.sensors))
 
 
 def _judged(count: int) -> BoolArray:

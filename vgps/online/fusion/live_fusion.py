@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
+from vgps.online.fusion.clock_watch import ClockWatch
 from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
 from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
@@ -55,7 +57,8 @@ class LiveFusion:
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._ties = PlaceTies.none()
         self._seen: SeenByFit | None = None  # None if a fit is due
-        self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the newest map began
+        self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the first fit began
+        self._clock_watch = ClockWatch()
         self._told_s = self._time_offset_s  # the time offset that the user last heard of
         self.use_imu(imu)
 
@@ -78,7 +81,7 @@ class LiveFusion:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
             self._map, self._job, self._latest, self._newest = current, None, None, None
-            self._known_s = self._time_offset_s
+            self._known_s, self._clock_watch = self._time_offset_s, ClockWatch()
         if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
             self._update_fixes(self._latest)
         if self._camera is not self._frame_pipeline.camera:
@@ -120,6 +123,9 @@ class LiveFusion:
             return
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
+        if given.asks_displacements and (shown := self._clock_watch.confirmed(result.shown)):
+            self._known_s += shown.time_offset_s  # the next fit begins anew; till then this one places frames
+            self._latest = None
 
     def _update_fixes(self, result: FitResult) -> None:
         """Take over the verdicts on the fixes and their time offset."""
@@ -265,5 +271,7 @@ class LiveFusion:
         )
 
     def _begin(self, current: LocalMap) -> None:
-        self._seen = SeenByFit.of(current, len(self._frame_pipeline.t_s), self._fix_count())
-        self._start(fit, self._given(current), FIT_S)
+        t_s = self._frame_pipeline.t_s
+        self._seen = SeenByFit.of(current, len(t_s), self._fix_count())
+        asks = self._clock_watch.is_due(float(t_s[-1] - t_s[current.first_frame]))
+        self._start(fit, replace(self._given(current), asks_displacements=asks), FIT_S)
