@@ -8,33 +8,17 @@ honest.
 """
 
 import argparse
-import threading
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.live_runs import run_live, score, truth_of
 from scripts.common.markdown import LiveTable
-from scripts.common.recordings import read_truth
 from vgps.evaluation import evaluate
-from vgps.geodesy import to_enu
-from vgps.geometry import interpolate_poses
-from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, fixes_in_world
-from vgps.gps.offset_errors import between_receivers, errors_of
-from vgps.gps.offset_regions import with_offset_regions
-from vgps.model import FixClass, FloatArray, Recording
-from vgps.online import OnlineEstimate, OnlineSmoother
-from vgps.online.delay import DelayedEstimates
-from vgps.online.replay import replay
-from vgps.online.run import run_online
+from vgps.model import Recording
 
-CERTAIN_M, WITHIN = 1.0, 1.1
-LATER_S = 1.0
-SETTLED_S = 1.0  # after RTK-fixes return
-SIGMAS = 3.0
 COLUMNS = {
     "log": "log",
     "seed": "seed",
@@ -52,119 +36,6 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True)
-class Truth:
-    """True camera and antenna at the frames and fixes of a recording, and its fixes in the same world.
-
-    Attributes:
-        camera: (F, 3) at the frames.
-        fix_error_m: (M, 3) fix minus antenna at its time stamp.
-        fix_sigma_m: (M,) standard deviation of its offset in space.
-    """
-
-    camera: FloatArray
-    fix_error_m: FloatArray
-    fix_sigma_m: FloatArray
-
-
-def truth_of(recording: Recording) -> Truth:
-    """Return the truth of a recording with fixes, in the world of its rig.
-
-    Raises:
-        VgpsError: There is none.
-    """
-    found, log, origin = read_truth(recording.path), recording.gps, recording.rig.world_origin
-    assert log is not None and origin is not None
-    position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    poses = interpolate_poses(found.t_s, found.world_T_camera, log.t_s)
-    antenna = poses[:, :3, :3] @ recording.rig.camera_p_antenna + poses[:, :3, 3]
-    sigma_m = offset_sigmas(fixes_in_world(log, position, vgps.Config().gps))
-    frames = interpolate_poses(found.t_s, found.world_T_camera, recording.video.times_s)
-    return Truth(frames[:, :3, 3], position - antenna, np.linalg.norm(sigma_m, axis=1))
-
-
-def offset_sigmas(fixes: Fixes) -> FloatArray:
-    """Return the standard deviations (M, 3) of the offsets of fixes, in the mean over receivers."""
-    config = vgps.Config().gps
-    spread = np.array([between_receivers(errors) for errors in errors_of(fixes, config)])
-    return spread[:, None] * region_sigmas(with_offset_regions(fixes, config))
-
-
-@dataclass(frozen=True)
-class LiveRun:
-    """Estimates of all frames as they come, and each with what came in the second after it."""
-
-    estimates: list[OnlineEstimate]
-    later: list[OnlineEstimate]
-
-
-def run_live(recording: Recording, seed: int) -> LiveRun:
-    """Return the estimates of a run."""
-    smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed), imu=recording.imu)
-    delayed, run, stop = DelayedEstimates(smoother, LATER_S), LiveRun([], []), threading.Event()
-
-    def sink(estimate: OnlineEstimate, _: float) -> None:
-        run.estimates.append(estimate)
-        run.later.extend(one for one, _ in delayed.add(estimate, 0.0))
-
-    run_online(replay(recording, stop), smoother, sink, stop)
-    run.later.extend(one for one, _ in delayed.rest())
-    return run
-
-
-def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
-    """Return the measures of one run by the names in ``COLUMNS``; NaN if no pose was ever certain."""
-    assert recording.gps is not None
-    estimates, true = run.estimates, truth.camera[: len(run.estimates)]
-    t_s, fix_t_s = recording.video.times_s[: len(estimates)], recording.gps.t_s
-    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - true
-    later_m = np.linalg.norm(np.array([one.global_T_camera[:3, 3] for one in run.later]) - true, axis=1)
-    sigma_m = np.array([one.sigma_position_m for one in estimates])
-    size, stated = np.linalg.norm(error_m, axis=1), np.linalg.norm(sigma_m, axis=1)
-    newest = np.clip(np.searchsorted(fix_t_s, t_s, side="right") - 1, 0, None)
-    certain = np.flatnonzero(stated < np.maximum(CERTAIN_M, WITHIN * truth.fix_sigma_m[newest]))
-    first = int(certain[0]) if len(certain) else len(t_s)
-    counts = np.isfinite(size) & (np.arange(len(t_s)) >= first)
-    seconds = np.array([one.seconds for one in estimates])
-    latency = dict(zip(("pose_p50_ms", "pose_p99_ms"), 1e3 * np.percentile(seconds, [50, 99]), strict=True))
-    if not counts.any():
-        return dict.fromkeys(list(COLUMNS)[2:-2], np.nan) | latency
-    size, stated = size[counts], stated[counts]
-    since_s = float(t_s[first])
-    return {
-        "since_s": since_s,
-        "fixes_mean_m": float(np.linalg.norm(truth.fix_error_m[fix_t_s >= since_s], axis=1).mean()),
-        "mean_m": float(size.mean()),
-        "max_m": float(size.max()),
-        "later_mean_m": float(later_m[counts].mean()),
-        "offline_mean_m": np.nan,
-        "nees": float(np.mean(np.sum((error_m[counts] / sigma_m[counts]) ** 2, axis=1))),
-        "beyond_three_sigmas": float(np.mean(size > SIGMAS * stated)),
-        "returned": after_return(recording, t_s[counts], size),
-        **latency,
-    }
-
-
-def after_return(recording: Recording, t_s: FloatArray, error_m: FloatArray) -> float:
-    """Return the mean error from a second after the last return of RTK-fixes on, over that before them.
-
-    Args:
-        recording: Its fixes tell when; NaN if none returned after others.
-        t_s: (n,) times.
-        error_m: (n,) errors.
-    """
-    assert recording.gps is not None
-    fixed = np.array([one is FixClass.RTK_FIX for one in recording.gps.fix_class])
-    begins, ends = (np.flatnonzero(np.diff(fixed.astype(int)) == step) + 1 for step in (1, -1))
-    if not len(begins):
-        return float("nan")
-    back_s = recording.gps.t_s[begins[-1]]
-    lost = ends[ends < begins[-1]]
-    lost_s = recording.gps.t_s[lost[-1]] if len(lost) else -np.inf
-    before, after = error_m[(t_s >= lost_s) & (t_s < back_s)], error_m[t_s >= back_s + SETTLED_S]
-    return float(after.mean() / before.mean()) if len(before) and len(after) else float("nan")
-
-
 def offline_mean_m(recording: Recording, seed: int) -> float:
     """Return the mean error of ``vgps smooth``."""
     return evaluate(
@@ -180,10 +51,10 @@ def one_run(folder: Path, gps: str, given: argparse.Namespace, seed: int) -> dic
     """
     recording = vgps.open_recording(folder, gps=gps, imu=given.imu, rig=given.rig)
     found = score(recording, truth_of(recording), run_live(recording, seed))
-    if given.offline:
-        found["offline_mean_m"] = offline_mean_m(recording, seed)
+    found["offline_mean_m"] = offline_mean_m(recording, seed) if given.offline else np.nan
     imu = " with IMU" if recording.imu is not None else ""
-    return {"log": f"{folder.name} {Path(gps).stem}{imu}", "seed": seed, **found}
+    measures = {name: found[name] for name in list(COLUMNS)[2:]}
+    return {"log": f"{folder.name} {Path(gps).stem}{imu}", "seed": seed, **measures}
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scripts.benchmarks import live
+from scripts.common import live_runs
 from vgps.model import FixClass
 
 
@@ -39,9 +40,9 @@ def test_errors_count_from_the_first_certain_pose():
         )
         for s in sigma
     ]
-    truth = live.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
+    truth = live_runs.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
     later = [SimpleNamespace(global_T_camera=np.eye(4) + 0.1 * np.eye(4, k=3))] * 8
-    found = live.score(recorded([fix] * 4), truth, live.LiveRun(estimates, later))
+    found = live_runs.score(recorded([fix] * 4), truth, live_runs.LiveRun(estimates, later))
     assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
     assert found["later_mean_m"] == pytest.approx(0.1)
     assert found["fixes_mean_m"] == pytest.approx(np.sqrt(3.0)) and np.isnan(found["returned"])
@@ -56,7 +57,7 @@ def test_the_return_of_rtk_fixes_is_compared_with_the_stretch_before():
     log = recorded([fix, other, other, fix, fix, fix])
     t_s, error_m = np.arange(0.0, 7.0, 0.5), np.arange(14.0)
     # before: 1.5 to 3.0 s, after: from 4.5 s on
-    assert live.after_return(log, t_s, error_m) == pytest.approx(
+    assert live_runs.after_return(log, t_s, error_m) == pytest.approx(
         np.mean(range(9, 14)) / np.mean([3, 4, 5, 6])
     )
-    assert np.isnan(live.after_return(recorded([fix] * 4), t_s, error_m))
+    assert np.isnan(live_runs.after_return(recorded([fix] * 4), t_s, error_m))
