@@ -3,7 +3,8 @@
 The errors of real receivers are replayed on recordings with truth, and in one stretch of some seconds, drawn
 by the seed, all fixes are moved by the same vector, as by a reflection or wrong integers. The same log is
 also taken with fewer fixes a second. Errors are unaligned; those of the fixes include the moved ones. Doubted
-are fixes that were rejected or taken for those of a coarser class.
+are fixes that were rejected or taken for those of a coarser class. Live are the poses of `vgps online` as
+they came, with the share of them that is beyond three of their standard deviations.
 """
 
 import argparse
@@ -19,6 +20,7 @@ import numpy as np
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
 from scripts.common.drives import Drive, open_drive
+from scripts.common.live_runs import run_live, score, truth_of
 from scripts.common.markdown import LiveTable
 from scripts.common.replayed_errors import REPLAYED, make_errors
 from vgps.errors import GpsLogError
@@ -30,6 +32,7 @@ from vgps.solution import Verdict
 RECORDINGS = ("kitti03",)
 SOURCES = ("septentrio", "kitti03_more/gps_moving.nmea")
 DOUBTED = (Verdict.REJECTED, Verdict.DOWN_CLASSED)
+LIVE = ("mean_m", "max_m", "nees", "beyond_three_sigmas")
 _EDGE = 0.15  # of the recording at either end, where no wrong stretch begins or ends
 
 
@@ -70,6 +73,13 @@ def row(drive: Drive, log: GpsLog, wrong: BoolArray, seed: int) -> dict[str, Any
     }
 
 
+def live_row(drive: Drive, log: GpsLog, seed: int) -> dict[str, Any]:
+    """Run a recording with a log live; return the errors of poses as they came."""
+    recording = replace(drive.recording, gps=log)
+    found = score(recording, truth_of(recording), run_live(recording, seed))
+    return {f"live_{key}": found[key] for key in LIVE}
+
+
 def rows(given: argparse.Namespace, scratch: Path) -> Iterator[dict[str, Any]]:
     """Yield a row per recording, source that it has, size of the error, seed and rate."""
     for name in given.recordings:
@@ -91,6 +101,7 @@ def rows(given: argparse.Namespace, scratch: Path) -> Iterator[dict[str, Any]]:
                     "seed": seed,
                     "rate_hz": rate_hz,
                     **row(drive, few, wrong[chosen], seed),
+                    **(live_row(drive, few, seed) if given.live else {}),
                 }
 
 
@@ -106,6 +117,7 @@ def arguments(parser: ScriptParser) -> argparse.Namespace:
     parser.add_argument("--moved", nargs="+", type=float, default=[3.0, 12.0], help="metres")
     parser.add_argument("--seconds", type=float, default=8.0, help="duration of the wrong stretch")
     parser.add_argument("--rates", nargs="+", type=float, default=[1.0, 10.0], help="fixes a second")
+    parser.add_argument("--live", action="store_true", help="run `vgps online` too")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the recordings")
     add_seeds(parser, 2)
     return parser.parse_args()
@@ -116,7 +128,9 @@ def main() -> None:
     parser = ScriptParser("experiments.wrong_stretches", __doc__)
     given = arguments(parser)
     labels = ("recording", "receiver", "moved [m]", "seed", "fixes a second", "missed", "good ones doubted")
-    table = LiveTable(*labels, "fixes [m]", "mean [m]", "max [m]", "NEES")
+    measures = ("mean [m]", "max [m]", "NEES")
+    live = [f"live {name}" for name in (*measures, "beyond")] if given.live else []
+    table = LiveTable(*labels, "fixes [m]", *measures, *live)
     with parser.refusals(), TemporaryDirectory() as scratch:
         results = parser.results(given)
         for one in rows(given, Path(scratch)):
@@ -128,6 +142,7 @@ def main() -> None:
                 f"{one['good_doubted']} of {one['good']}",
                 *(f"{one[key]:.3f}" for key in ("fixes_mean_m", "mean_m", "max_m")),
                 "" if one["nees"] is None else f"{one['nees']:.1f}",
+                *(f"{one[f'live_{key}']:.3g}" for key in LIVE if given.live),
             )
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scripts.common.drives import open_drive
-from scripts.experiments.wrong_stretches import row, thinned, with_wrong_stretch
+from scripts.experiments.wrong_stretches import live_row, row, thinned, with_wrong_stretch
 
 
 @pytest.fixture
@@ -37,3 +37,11 @@ def test_a_wrong_stretch_of_a_fast_receiver_is_rejected_on_a_real_drive(drive, l
     found = row(drive, moved, wrong, 0)
     assert found["wrong"] == 20 and found["missed"] == 0 and found["good_doubted"] == 0
     assert found["mean_m"] < 0.15 < found["fixes_mean_m"]
+
+
+@pytest.mark.slow
+def test_nor_does_the_live_pose_follow_it(drive, log):
+    moved, _ = with_wrong_stretch(log, drive, 12.0, 2.0, np.random.default_rng(1))
+    found = live_row(drive, moved, 0)
+    assert found["live_mean_m"] < 0.3 and found["live_max_m"] < 1.5
+    assert found["live_nees"] < 10.0 and found["live_beyond_three_sigmas"] < 0.05
