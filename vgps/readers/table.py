@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -68,22 +68,28 @@ class Table:
         """Return the first of the names that is a column, if any."""
         return next((name for name in names if name in self.columns), None)
 
-    def require(self, *names: str, values: str = "") -> str:
+    def like(self, *names: str, but: Collection[str] = ()) -> str | None:
+        """Return a column that may be one of the names misspelt, and is none of those of others, if any."""
+        columns = [column for column in self.columns if column not in but]
+        return next((near for name in names for near in get_close_matches(name, columns, 1, 0.7)), None)
+
+    def require(self, *names: str, values: str = "", but: Collection[str] = ()) -> str:
         """Return the first of the names that is a column, or raise ``error`` with a likely misspelling.
 
         Args:
             names: Names of the column.
             values: What it holds, for the message.
+            but: Columns that are none of these, however alike.
         """
         found = self.find(*names)
         if found is not None:
             return found
-        close = [match for name in names for match in get_close_matches(name, self.columns, 1, 0.7)]
+        close = self.like(*names, but=but)
         raise self.error(
             f"no column {names[0]} among {', '.join(self.columns)}",
             file=self.path,
             place=f"line {self.header_line}",
-            remedy=f"did you mean {close[0]}? Rename it to {names[0]}"
+            remedy=f"did you mean {close}? Rename it to {names[0]}"
             if close
             else f"add a column {names[0]}{values and f' ({values})'}",
         )

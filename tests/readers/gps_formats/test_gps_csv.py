@@ -109,6 +109,16 @@ def test_altitude_with_and_without_separation(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "cells"), [("", ("", "")), (",height_m", (",0", ",0.0")), (",altitude", (",0", ","))]
+)
+def test_a_log_without_heights_is_horizontal(tmp_path, name, cells):
+    rows = "".join(f"{t_s},49,8,4{cell}\n" for t_s, cell in enumerate(cells))
+    log = read(tmp_path, f"t_s,latitude,longitude,fix{name}\n{rows}")
+    assert [(fix.height_m, fix.sigma_m[2]) for fix in log.fixes] == [(0.0, 1000.0)] * 2
+    assert log.notes == [] and "no heights" in log.doubts[0]
+
+
+@pytest.mark.parametrize(
     ("header", "message"),
     [
         ("t_s,latitude_degg,lon,height,fix", "no column latitude_deg .* did you mean latitude_degg"),

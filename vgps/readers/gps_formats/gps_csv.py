@@ -11,7 +11,7 @@ latitude_deg       WGS84 degrees (latitude, lat)
 longitude_deg      WGS84 degrees (longitude, lon, lng, long)
 height_m           ellipsoidal height (height, ellipsoidal_height_m, hae_m); or:
 altitude_m         height above the geoid (altitude, alt, elevation), with geoid_separation_m (undulation_m);
-                   without it EGM96's is added
+                   without it EGM96's is added. Without any height, or if all are 0, fixes are horizontal
 fix_class          rtk_fix, rtk_float, ppp, dgps, sbas, single, or NMEA's quality number (class, fix, quality)
 sigma_east_m       and sigma_north_m, sigma_up_m: the receiver's standard deviations, optional (std_east_m)
 hdop, satellites, correction_age_s              optional (num_sats, num_sv; age_s, diff_age_s)
@@ -36,6 +36,7 @@ from vgps.readers.gps_formats.fixes import (
     from_sea_level,
     skipped,
     unix_s,
+    with_a_height,
 )
 from vgps.readers.table import Table, read_table
 
@@ -97,10 +98,11 @@ def read_gps_csv(path: Path) -> RawLog:
         )
         if kind is not None and np.isfinite(t)
     ]
-    fixes, notes = from_sea_level(fixes) if above_sea else (fixes, [])
+    fixes, doubts = with_a_height(fixes)
+    fixes, notes = from_sea_level(fixes) if above_sea and not doubts else (fixes, [])
     notes += damaged_lines([*table.short_lines, *table.line[bad].tolist()])
     notes += skipped(classes.count(None), "row", "without a fix")
-    return RawLog(clock, fixes, notes)
+    return RawLog(clock, fixes, notes, doubts=doubts)
 
 
 def _times(table: Table) -> tuple[Clock, FloatArray]:
@@ -133,14 +135,16 @@ def _instant(cell: str) -> float:
 
 
 def _heights(table: Table) -> tuple[FloatArray, bool]:
-    """Return (N,) heights, and whether they are above the sea without a geoid separation."""
+    """Return (N,) heights, NaN without any, and whether they are above the sea without a geoid separation."""
     name = table.find(*HEIGHT)
     if name is not None:
         return table.numbers(name, lenient=True), False
     altitude = table.find(*_ALTITUDE)
     if altitude is None:
-        table.require(*HEIGHT, *_ALTITUDE)
-        raise AssertionError
+        places = {*LATITUDE, *LONGITUDE}  # a latitude reads like an altitude
+        if table.like(*HEIGHT, *_ALTITUDE, but=places):
+            table.require(*HEIGHT, *_ALTITUDE, but=places)
+        return np.full(len(table.line), np.nan), False
     separation = table.find(*_SEPARATION)
     if separation is not None:
         return table.numbers(altitude, lenient=True) + table.numbers(separation, lenient=True), False
