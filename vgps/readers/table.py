@@ -13,6 +13,7 @@ import numpy as np
 from vgps.errors import VgpsError
 from vgps.model import FloatArray, IntArray
 
+_UNIT = re.compile(r"_?\((m|s|deg|°)\)$")  # that of the columns read here, behind their names
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _LARGEST_BYTES = 1_000_000_000
 """Size of a file from which on it is not read at once: a log of a day is far smaller."""
@@ -51,7 +52,7 @@ class Table:
     Attributes:
         path: The file.
         error: Class of the errors to raise.
-        columns: Column names, lower case, without spaces, in the file's order.
+        columns: Column names, lower case, without spaces and units in brackets, in the file's order.
         cells: (N,) rows, each as long as ``columns``.
         line: (N,) line of the file (from 1) of each row.
         short_lines: Lines omitted for having too few cells.
@@ -201,4 +202,4 @@ def _delimiter(header: str) -> str:
 
 
 def _normal(name: str) -> str:
-    return name.strip().lower().replace(" ", "_").removeprefix("field.")
+    return _UNIT.sub("", name.strip().lower().replace(" ", "_")).removeprefix("field.")

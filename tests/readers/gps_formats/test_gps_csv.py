@@ -119,6 +119,38 @@ def test_a_log_without_heights_is_horizontal(tmp_path, name, cells):
 
 
 @pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        (  # Sensor Logger
+            "time,seconds_elapsed,verticalAccuracy,horizontalAccuracy,altitudeAboveMeanSeaLevel,altitude,longitude,"
+            "latitude",
+            "1700000000500000000,3.5,4,2.5,100,148.2,8,49",
+        ),
+        (  # GPSLogger
+            "time,lat,lon,elevation,accuracy,satellites,vertical_accuracy",
+            "2023-11-14T22:13:20.500Z,49,8,100,2.5,7,4",
+        ),
+    ],
+)
+def test_loggers_of_phones_know_accuracies_instead_of_classes(tmp_path, header, row):
+    log = read(tmp_path, f"{header}\n{row}\n")
+    (fix,) = log.fixes
+    assert fix.fix_class is FixClass.SINGLE and fix.t_s == pytest.approx(1_700_000_000.5)
+    assert fix.height_m == pytest.approx(148.23, abs=0.01)
+    np.testing.assert_allclose(fix.sigma_m, [2.5 / np.sqrt(2.0), 2.5 / np.sqrt(2.0), 4.0])
+    assert "all count as single" in log.notes[1]
+
+
+def test_units_may_stand_behind_names(tmp_path):
+    header = "Time (s),Latitude (°),Longitude (°),Height (m),Horizontal Accuracy (m),Vertical Accuracy (m)"
+    log = read(tmp_path, f"{header}\n3.5,49,8,100,2.5,4\n")
+    assert (log.clock, log.fixes[0].t_s, log.fixes[0].height_m) == (Clock.VIDEO, 3.5, 100.0)
+    assert log.fixes[0].sigma_m[2] == 4.0
+    with pytest.raises(GpsLogError, match="no column longitude_deg"):
+        read(tmp_path, "t_s,lat,lon (rad),fix,height\n0,0.8,0.1,4,0\n")
+
+
+@pytest.mark.parametrize(
     ("header", "message"),
     [
         ("t_s,latitude_degg,lon,height,fix", "no column latitude_deg .* did you mean latitude_degg"),

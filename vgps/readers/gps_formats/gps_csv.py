@@ -12,8 +12,10 @@ longitude_deg      WGS84 degrees (longitude, lon, lng, long)
 height_m           ellipsoidal height (height, ellipsoidal_height_m, hae_m); or:
 altitude_m         height above the geoid (altitude, alt, elevation), with geoid_separation_m (undulation_m);
                    without it EGM96's is added. Without any height, or if all are 0, fixes are horizontal
-fix_class          rtk_fix, rtk_float, ppp, dgps, sbas, single, or NMEA's quality number (class, fix, quality)
+fix_class          rtk_fix, rtk_float, ppp, dgps, sbas, single, or NMEA's quality (class, fix, quality);
+                   without it, but with an accuracy, as phones state it, all fixes are single
 sigma_east_m       and sigma_north_m, sigma_up_m: the receiver's standard deviations, optional (std_east_m)
+accuracy           instead: of both axes together, with vertical_accuracy (horizontal_accuracy, h_acc, v_acc)
 hdop, satellites, correction_age_s              optional (num_sats, num_sv; age_s, diff_age_s)
 =================  ==========================================================================================
 
@@ -32,6 +34,7 @@ from vgps.readers.gps_formats.fixes import (
     Clock,
     Fix,
     RawLog,
+    axis_sigmas,
     damaged_lines,
     from_sea_level,
     skipped,
@@ -45,11 +48,32 @@ _UTC_TIME = ("utc", "timestamp", "datetime", "time", "time_utc", "utc_time", "un
 LATITUDE = ("latitude_deg", "latitude", "lat", "lat_deg", "gps_latitude")
 LONGITUDE = ("longitude_deg", "longitude", "lon", "lng", "lon_deg", "long", "gps_longitude")
 HEIGHT = ("height_m", "height", "ellipsoidal_height_m", "ellipsoidal_height", "hae_m", "hae")
-_ALTITUDE = ("altitude_m", "altitude", "alt", "alt_m", "elevation_m", "elevation", "ele", "altitude_msl_m")
+_ALTITUDE = (
+    "altitudeabovemeansealevel",
+    "altitude_m",
+    "altitude",
+    "alt",
+    "alt_m",
+    "elevation_m",
+    "elevation",
+    "ele",
+    "altitude_msl_m",
+)
 _SEPARATION = ("geoid_separation_m", "separation_m", "undulation_m", "geoid_m")
 _FIX_CLASS = ("fix_class", "class", "fix", "quality", "fix_quality", "gps_quality")
 SATELLITES = ("satellites", "num_sats", "num_sv", "numsv", "sats", "nsat")
 _CORRECTION_AGE = ("correction_age_s", "age_s", "diff_age_s", "age")
+_ACCURACY = (
+    "accuracy",
+    "horizontalaccuracy",
+    "horizontal_accuracy",
+    "h_acc",
+    "hacc",
+    "accuracy_m",
+    "h_acc_m",
+)
+_VERTICAL = ("verticalaccuracy", "vertical_accuracy", "v_acc", "vacc", "vertical_accuracy_m", "v_acc_m")
+_ALL_SINGLE = "no fix classes: all count as single; add a column fix_class if the receiver knows better"
 _NAMES = {
     **{kind.value: kind for kind in FixClass},
     "fix": FixClass.RTK_FIX,
@@ -84,10 +108,8 @@ def read_gps_csv(path: Path) -> RawLog:
     latitude = table.numbers(table.require(*LATITUDE), lenient=True)
     longitude = table.numbers(table.require(*LONGITUDE), lenient=True)
     height, above_sea = _heights(table)
-    classes = [_fix_class(cell) for cell in table.text(table.require(*_FIX_CLASS, values=_VALUES))]
-    sigma = np.column_stack(
-        [_optional(table, f"sigma_{axis}_m", f"std_{axis}_m") for axis in ("east", "north", "up")]
-    )
+    classes, about_classes = _classes(table)
+    sigma = _sigmas(table)
     others = [_optional(table, *names) for names in (("hdop",), SATELLITES, _CORRECTION_AGE)]
     bad = ~np.isfinite(t_s)
     numbers = np.column_stack([t_s, latitude, longitude, height, sigma, *others]).tolist()
@@ -100,6 +122,7 @@ def read_gps_csv(path: Path) -> RawLog:
     ]
     fixes, doubts = with_a_height(fixes)
     fixes, notes = from_sea_level(fixes) if above_sea and not doubts else (fixes, [])
+    notes += about_classes
     notes += damaged_lines([*table.short_lines, *table.line[bad].tolist()])
     notes += skipped(classes.count(None), "row", "without a fix")
     return RawLog(clock, fixes, notes, doubts=doubts)
@@ -149,6 +172,22 @@ def _heights(table: Table) -> tuple[FloatArray, bool]:
     if separation is not None:
         return table.numbers(altitude, lenient=True) + table.numbers(separation, lenient=True), False
     return table.numbers(altitude, lenient=True), True
+
+
+def _classes(table: Table) -> tuple[list[FixClass | None], list[str]]:
+    """Return the classes (N,), None for no fix, and a note if there are only accuracies."""
+    if table.find(*_FIX_CLASS) is None and table.find(*_ACCURACY) is not None:
+        return [FixClass.SINGLE] * len(table.line), [_ALL_SINGLE]
+    return [_fix_class(cell) for cell in table.text(table.require(*_FIX_CLASS, values=_VALUES))], []
+
+
+def _sigmas(table: Table) -> FloatArray:
+    """Return the standard deviations (N, 3) east, north, up, NaN where there are none."""
+    of_axes = [_optional(table, f"sigma_{axis}_m", f"std_{axis}_m") for axis in ("east", "north", "up")]
+    both, up = _optional(table, *_ACCURACY), _optional(table, *_VERTICAL)
+    of_both = [axis_sigmas(*one) for one in zip(both.tolist(), up.tolist(), strict=True)]
+    sigma = np.column_stack(of_axes)
+    return np.where(np.isnan(sigma), np.array(of_both).reshape(-1, 3), sigma)
 
 
 def _fix_class(cell: str) -> FixClass | None:
