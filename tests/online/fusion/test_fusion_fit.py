@@ -5,7 +5,6 @@ import pytest
 from fused_drives import DrivingCamera, fit_input, fixed_then_float
 
 import vgps
-from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import FixClass
 from vgps.online.fusion.fusion_fit import fit, fit_with_verdicts, newest_fit
 
@@ -75,17 +74,3 @@ def test_many_wrong_fixes_in_a_short_time_do_not_outvote_the_good_ones_before():
     rejected = fit_with_verdicts(fit_input(path, 400, fixes, last), CONFIG).assessment.rejected
     assert rejected[wrong].all()
     assert rejected[~wrong].sum() <= 4  # those between the last good and the first wrong one that were judged
-
-
-def test_fixes_with_wrong_integers_take_no_part():
-    drive = DrivingCamera(400)
-    wrong = np.arange(40) >= 28  # four fixes
-    fixes = drive.fixes([FixClass.RTK_FIX] * 40, np.where(wrong[:, None], [2.0, -2.0, 1.0], 0.0))
-    path = drive.seen(np.random.default_rng(4), share=0.5)
-    given = fit_input(path, AFTER, fixes)
-    lower = wrong[: len(given.number)].astype(float)
-    judged = replace(given, assessment=FixAssessment(1.0 - lower, lower))
-    without = replace(given, fixes=replace(given.fixes, used=lower == 0.0))
-    ends = [fit(one, CONFIG).fused.to_world(path) for one in (judged, without)]
-    assert lower.sum() == 4
-    np.testing.assert_array_equal(ends[0].world_p_map, ends[1].world_p_map)

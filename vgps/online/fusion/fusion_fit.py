@@ -56,7 +56,7 @@ class FitInput:
 
 def fit(given: FitInput, config: Config) -> FitResult:
     """Return the fit to all fixes but those rejected before."""
-    fixes = _taking_part(given.fixes, given.assessment)
+    fixes = given.assessment.applied(given.fixes)
     fused = _learning_fit(given, fixes, config)
     surprising = detects_outliers(config) and (
         given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
@@ -72,7 +72,7 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
     It takes a fraction of the time of a whole fit, so that a pose need not go without them. Returns None if
     there are none, or if they call for verdicts.
     """
-    fixes, last, end_s = _taking_part(given.fixes, given.assessment), given.last, given.path.t_s[-1]
+    fixes, last, end_s = given.assessment.applied(given.fixes), given.last, given.path.t_s[-1]
     assert last is not None
     if not (fixes.used & (fixes.t_s > last.newest_s + SAME_TIME_S) & (fixes.t_s <= end_s)).any():
         return None
@@ -96,7 +96,7 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
         fixes = replace(given.fixes, used=given.fixes.used & judged).without_time_offset(rest_s)
         found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
         assessment = assessment.updated(_with_fixes_between(found, given.fixes))
-    fused = _learning_fit(given, _taking_part(given.fixes, assessment), config)
+    fused = _learning_fit(given, assessment.applied(given.fixes), config)
     return _result(given, assessment, fused, config)
 
 
@@ -104,17 +104,9 @@ def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config
     result = FitResult(fused, given.number, assessment)
     if not given.asks_displacements:
         return result
-    path, fixes = given.path, _taking_part(given.fixes, assessment)
+    path, fixes = given.path, assessment.applied(given.fixes)
     world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset
     return replace(result, shown=shown_time_offset(path, world, fixes, antenna, believed, config.sensors))
-
-
-def _taking_part(fixes: Fixes, assessment: FixAssessment) -> Fixes:
-    """Return the fixes without those that are rejected or down-classed.
-
-    Wrong integers lead farther astray than the receiver's floats, whose size the fit learns.
-    """
-    return replace(fixes, used=fixes.used & ~assessment.rejected & ~assessment.down_classed)
 
 
 def _judged(count: int) -> BoolArray:
