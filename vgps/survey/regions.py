@@ -9,6 +9,7 @@ from vgps.model import FixClass, FloatArray
 from vgps.survey.memory import Memory
 
 _RATIOS = np.geomspace(0.02, 50.0, 400)  # vertical over horizontal semi-axis, before refinement
+_LOG_RATIO_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,10 @@ def least_ellipsoid(errors_m: FloatArray, dropped: int) -> Ellipsoid:
     volumes = [volume(x) for x in np.log(_RATIOS)]
     best = int(np.argmin(volumes))
     ends = np.log(_RATIOS[[max(best - 1, 0), min(best + 1, len(_RATIOS) - 1)]])
-    refined = minimize_scalar(volume, bounds=(float(ends[0]), float(ends[1])), method="bounded")
+    between = float(ends[0]), float(ends[1])
+    refined = minimize_scalar(
+        volume, bounds=between, method="bounded", options={"xatol": _LOG_RATIO_TOLERANCE}
+    )
     log_ratio = float(refined.x) if refined.fun < volumes[best] else float(np.log(_RATIOS[best]))
     ratio = float(np.exp(log_ratio))
     return Ellipsoid(alpha(ratio), ratio * alpha(ratio))
