@@ -141,6 +141,12 @@ def test_loggers_of_phones_know_accuracies_instead_of_classes(tmp_path, header, 
     assert "all count as single" in log.notes[1]
 
 
+@pytest.mark.parametrize("name", ["fix_type", "status", "fix_clas"])
+def test_accuracies_replace_no_class_that_the_receiver_may_know(tmp_path, name):
+    with pytest.raises(GpsLogError, match="no column fix_class"):
+        read(tmp_path, f"t_s,lat,lon,height,h_acc,{name}\n1,49,8,100,0.01,4\n")
+
+
 def test_units_may_stand_behind_names(tmp_path):
     header = "Time (s),Latitude (°),Longitude (°),Height (m),Horizontal Accuracy (m),Vertical Accuracy (m)"
     log = read(tmp_path, f"{header}\n3.5,49,8,100,2.5,4\n")

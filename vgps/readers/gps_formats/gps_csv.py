@@ -19,7 +19,8 @@ accuracy           instead: of both axes together, with vertical_accuracy (horiz
 hdop, satellites, correction_age_s              optional (num_sats, num_sv; age_s, diff_age_s)
 =================  ==========================================================================================
 
-A column named fix_type or status is not used as the class, since receivers number those differently.
+A column named fix_type or status is not used as the class, since receivers number those differently; nor do
+accuracies replace it then.
 """
 
 from datetime import datetime
@@ -49,7 +50,7 @@ LATITUDE = ("latitude_deg", "latitude", "lat", "lat_deg", "gps_latitude")
 LONGITUDE = ("longitude_deg", "longitude", "lon", "lng", "lon_deg", "long", "gps_longitude")
 HEIGHT = ("height_m", "height", "ellipsoidal_height_m", "ellipsoidal_height", "hae_m", "hae")
 _ALTITUDE = (
-    "altitudeabovemeansealevel",
+    "altitudeabovemeansealevel",  # where a logger has it, its altitude is above the ellipsoid
     "altitude_m",
     "altitude",
     "alt",
@@ -69,10 +70,12 @@ _ACCURACY = (
     "horizontal_accuracy",
     "h_acc",
     "hacc",
-    "accuracy_m",
+    "horizontal_accuracy_m",
     "h_acc_m",
+    "accuracy_m",
 )
 _VERTICAL = ("verticalaccuracy", "vertical_accuracy", "v_acc", "vacc", "vertical_accuracy_m", "v_acc_m")
+_OF_THEIR_OWN = ("fix_type", "fixtype", "status")  # numbers of fix classes that differ between receivers
 _ALL_SINGLE = "no fix classes: all count as single; add a column fix_class if the receiver knows better"
 _NAMES = {
     **{kind.value: kind for kind in FixClass},
@@ -176,7 +179,8 @@ def _heights(table: Table) -> tuple[FloatArray, bool]:
 
 def _classes(table: Table) -> tuple[list[FixClass | None], list[str]]:
     """Return the classes (N,), None for no fix, and a note if there are only accuracies."""
-    if table.find(*_FIX_CLASS) is None and table.find(*_ACCURACY) is not None:
+    classless = not (table.find(*_FIX_CLASS, *_OF_THEIR_OWN) or table.like(*_FIX_CLASS))
+    if classless and table.find(*_ACCURACY):
         return [FixClass.SINGLE] * len(table.line), [_ALL_SINGLE]
     return [_fix_class(cell) for cell in table.text(table.require(*_FIX_CLASS, values=_VALUES))], []
 
