@@ -45,11 +45,11 @@ def test_nor_on_a_straight():
 
 
 def test_clocks_are_compared_after_ever_longer_paths():
-    watch = ClockWatch()
+    watch = ClockWatch(Config().sensors)
     assert [t_s for t_s in range(30) if watch.is_due(float(t_s))] == [8, 10, 13, 17, 22, 28]
 
 
 def test_what_is_shown_twice_in_a_row_counts():
-    watch, one, other = ClockWatch(), TimeOffset(0.36, 0.01), TimeOffset(-0.74, 0.02)
+    watch, one, other = ClockWatch(Config().sensors), TimeOffset(0.36, 0.01), TimeOffset(-0.74, 0.02)
     assert [watch.confirmed(each) for each in (one, None, one, other)] == [None] * 4
     assert watch.confirmed(other) is other

@@ -8,10 +8,12 @@ from fused_drives import ANTENNA, DrivingCamera
 from vgps.config import Config
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.fixes import Fixes
+from vgps.gps.sensors import TimeOffset
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFrame
 from vgps.model import FixClass
 from vgps.online.fusion import live_fusion
+from vgps.online.fusion.clock_watch import ClockWatch
 from vgps.online.fusion.fit_job import FitJob
 from vgps.online.fusion.live_fusion import LiveFusion
 from vgps.online.fusion.live_time_offset import LiveTimeOffset
@@ -182,6 +184,17 @@ def test_displacements_correct_a_time_offset_that_fits_are_wrongly_sure_of(monke
         pipeline.frame()
         assert pipeline.error_m() < 0.3  # 3.2 m by the wrong clock
     assert len(pipeline.warnings) == 1
+
+
+def test_the_path_is_known_at_the_end_though_displacements_contradict_the_last_fit(monkeypatch):
+    pipeline, shown = Pipeline(), iter([TimeOffset(LATE_S, 0.01)])
+    for _ in range(60):
+        pipeline.frame()
+    monkeypatch.setattr(ClockWatch, "is_due", lambda *_: True)
+    monkeypatch.setattr(ClockWatch, "confirmed", lambda *_: next(shown, None))
+    pipeline.fusion.fuse_all()
+    assert pipeline.fusion.world_path() is not None
+    assert list(shown) == []
 
 
 def test_a_path_is_fitted_anew_once_an_imu_is_left_out(monkeypatch):

@@ -18,13 +18,17 @@ from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
 _FIRST_S, _LONGER = 8.0, 1.25  # of a map's path, to compare; by how much longer it is each time
-_SIGMAS = 3.0  # beyond which two time offsets differ
 
 
 class ClockWatch:
-    """When to compare the clocks of a map's path, and what that showed last."""
+    """When to compare the clocks of a map's path, and what that showed last.
 
-    def __init__(self) -> None:
+    Args:
+        config: From how many standard deviations on two time offsets differ.
+    """
+
+    def __init__(self, config: SensorsConfig) -> None:
+        self._config = config
         self._next_s = _FIRST_S
         self._shown: TimeOffset | None = None
 
@@ -38,7 +42,9 @@ class ClockWatch:
     def confirmed(self, shown: TimeOffset | None) -> TimeOffset | None:
         """Return a time offset that contradicts the fit if it did so the last time, too."""
         before, self._shown = self._shown, shown
-        return None if before is None or shown is None or _differ(before, shown) else shown
+        if before is None or shown is None or _differ(before, shown, self._config):
+            return None
+        return shown
 
 
 def shown_time_offset(
@@ -59,16 +65,14 @@ def shown_time_offset(
         believed: The rest of the time offset, by the fit.
         config: Prior of the time offset, and limits of significance.
     """
-    poses = path.poses.copy()
-    poses[:, :3, :3] = to_world.world_R_map @ poses[:, :3, :3]
-    poses[:, :3, 3] = to_world.points(poses[:, :3, 3])
+    placed = Trajectory(path.t_s, to_world.poses(path.poses))
     about_zero = config.model_copy(update={"time_offset_s": 0.0})
     sensors = Sensors.from_config(camera_p_antenna, about_zero)
-    found, _ = update_time_offset(sensors, Trajectory(path.t_s, poses), fixes, about_zero)
+    found, _ = update_time_offset(sensors, placed, fixes, about_zero)
     shown = found.prior_time_offset
-    return shown if shown.sigma_s and _differ(shown, believed) else None
+    return shown if shown.sigma_s and _differ(shown, believed, config) else None
 
 
-def _differ(one: TimeOffset, other: TimeOffset) -> bool:
+def _differ(one: TimeOffset, other: TimeOffset, config: SensorsConfig) -> bool:
     apart_s = abs(one.time_offset_s - other.time_offset_s)
-    return apart_s > _SIGMAS * float(np.hypot(one.sigma_s, other.sigma_s))
+    return apart_s > config.significance_sigmas * float(np.hypot(one.sigma_s, other.sigma_s))

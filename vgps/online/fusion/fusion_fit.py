@@ -41,7 +41,7 @@ class FitResult:
 class FitInput:
     """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical.
 
-    ``asks_displacements``: for the time offset, once the fit is found.
+    ``asks_displacements``: whether to ask them for the time offset once the fit is found.
     """
 
     path: VideoPath
@@ -123,7 +123,10 @@ def _judged(count: int) -> BoolArray:
 
 
 def _with_fixes_between(found: FixAssessment, fixes: Fixes) -> FixAssessment:
-    """Return verdicts on all fixes (M,): of those on the judged ones of its class around a fix, the worse."""
+    """Return verdicts on all fixes (M,).
+
+    One that was not judged has the worse verdict of the judged ones of its class before and after it.
+    """
     judged, row = np.isfinite(found.nominal), np.arange(len(fixes))
     for kind in np.unique(fixes.fix_class[judged]):
         same = fixes.fix_class == kind

@@ -58,7 +58,7 @@ class LiveFusion:
         self._ties = PlaceTies.none()
         self._seen: SeenByFit | None = None  # None if a fit is due
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the first fit began
-        self._clock_watch = ClockWatch()
+        self._clock_watch = ClockWatch(config.sensors)
         self._told_s = self._time_offset_s  # the time offset that the user last heard of
         self.use_imu(imu)
 
@@ -81,7 +81,7 @@ class LiveFusion:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
             self._map, self._job, self._latest, self._newest = current, None, None, None
-            self._known_s, self._clock_watch = self._time_offset_s, ClockWatch()
+            self._known_s, self._clock_watch = self._time_offset_s, ClockWatch(self._config.sensors)
         if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
             self._update_fixes(self._latest)
         if self._camera is not self._frame_pipeline.camera:
@@ -100,7 +100,11 @@ class LiveFusion:
         """Fit all that has come, and wait for it."""
         self._finish()
         current = self._frame_pipeline.current
-        if current is not None and current is self._map and current.aligned:
+        if current is None or current is not self._map or not current.aligned:
+            return
+        self._begin(current)
+        self._finish()
+        if self._fused is None:  # displacements contradicted that fit, or there was none
             self._begin(current)
             self._finish()
 
