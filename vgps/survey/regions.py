@@ -9,7 +9,7 @@ from vgps.model import FixClass, FloatArray
 from vgps.survey.memory import Memory
 
 _RATIOS = np.geomspace(0.02, 50.0, 400)  # vertical over horizontal semi-axis, before refinement
-_LOG_RATIO_TOLERANCE = 1e-8
+_LOG_RATIO_TOLERANCE = 1e-8  # of the refined ratio: the least volume may be at a kink
 
 
 @dataclass(frozen=True)
