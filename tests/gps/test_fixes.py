@@ -64,6 +64,8 @@ def test_a_down_classed_fix_has_the_ellipsoid_of_the_class_below():
     lowered = FixAssessment(nominal=np.array([0.1, 0.9, 0.9]), lower=np.array([0.8, 0.0, 0.0])).applied(found)
     assert semi_axes(lowered, 0) == pytest.approx((3.0, 6.0))
     assert semi_axes(lowered, 1) == pytest.approx((3.0, 6.0))
+    assert not found.down_classed.any()
+    assert lowered.down_classed.tolist() == [True, False, False]
 
 
 def test_the_cost_of_an_ellipsoid_follows_its_semi_axes():

@@ -60,6 +60,11 @@ class Fixes:
         """Whether their receiver solves for carrier phases, which takes an antenna of its own."""
         return bool(np.isin(self.fix_class, _RTK).any())
 
+    @property
+    def down_classed(self) -> BoolArray:
+        """(M,) whether each has the class below the receiver's: of RTK-fixes alone is there one."""
+        return np.asarray(np.isfinite(self.lower_r_m) & (self.fix_class != CLASSES.index(FixClass.RTK_FIX)))
+
     def until(self, t_s: float) -> "Fixes":
         """Return the fixes until a time."""
         return self.where(self.t_s <= t_s)

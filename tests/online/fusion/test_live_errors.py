@@ -158,6 +158,41 @@ def test_known_sizes_bound_the_offsets_of_the_next_fits():
         np.testing.assert_allclose(fused.nodes.size_m[at], np.tile(0.1 / usual * before, (at.sum(), 1)))
 
 
+def down_classed(fixes, rows):
+    """Fixes of which some rows were RTK-fixes before verdicts."""
+    return replace(fixes, lower_r_m=np.where(rows, fixes.r_m, np.nan))
+
+
+@pytest.mark.slow
+def test_down_classed_fixes_show_nothing_of_the_floats():
+    kinds, wrong = stretches(0.05, 0)
+    rows = np.arange(40) >= 32  # two fits follow them
+    drive, kinds = DrivingCamera(FRAMES), [*kinds[:32], *[FixClass.RTK_FLOAT] * 8]
+    path = drive.seen(np.random.default_rng(5))
+    fixes = drive.fixes(kinds, np.where(rows[:, None], [2.0, -2.0, 1.0], wrong))
+    found = []
+    for each in (fixes, down_classed(fixes, rows), fixes.where(~rows)):
+        last = None
+        for frames in (320, 360, 400):
+            last = fit(fit_input(path, frames, each, last), CONFIG).fused
+        found.append(last.sizes[FixClass.RTK_FLOAT])
+    as_floats, wrong_fixes, without = found
+    assert as_floats > 2.0 * without
+    assert wrong_fixes == pytest.approx(without, rel=0.3)
+
+
+def test_a_down_classed_fix_lies_as_far_off_as_floats_of_any_receiver():
+    drive, rows = DrivingCamera(FRAMES), np.arange(40) >= 25
+    fixes = down_classed(drive.fixes([FixClass.RTK_FLOAT] * 40, np.zeros((40, 3))), rows)
+    last = fit(fit_input(drive.seen(), 300, fixes), CONFIG).fused
+    usual, small = last.nodes.size_m, {FixClass.RTK_FLOAT: 0.1}
+    fused = fit(fit_input(drive.seen(), 300, fixes, replace(last, sizes=small)), CONFIG).fused
+    node = fused.nodes.fixes.node
+    ratio = fused.nodes.size_m[node] / usual[node]
+    of_any = between_receivers(CONFIG.gps.offset_errors(FixClass.RTK_FLOAT))
+    np.testing.assert_allclose(ratio[:, 0], np.where(rows[: len(node)], 1.0, 0.1 / of_any))
+
+
 def test_what_was_learned_counts_in_the_next_fits_and_is_kept_while_there_are_no_such_fixes():
     drive = DrivingCamera(FRAMES)
     single, fixed = (

@@ -229,12 +229,17 @@ def _with_rows(count: int, rows: IntArray, values: FloatArray, others: float) ->
 
 
 def _offset_sizes(first: Fixes, config: Config, sizes: Mapping[FixClass, float]) -> FloatArray:
-    """Return the standard deviations (K, 3) of the offsets of fixes' classes."""
+    """Return the standard deviations (K, 3) of the offsets of fixes' classes.
+
+    A wrong RTK-fix lies as far off as floats of any receiver do, however good this one's are.
+    """
     kinds, which = np.unique(first.fix_class, return_inverse=True)
     by_receivers = {
         CLASSES[k]: between_receivers(config.gps.offset_errors(CLASSES[k])) for k in kinds.tolist()
     }
-    size = np.array([sizes.get(name, spread) for name, spread in by_receivers.items()])[which]
+    of_any = np.array(list(by_receivers.values()))[which]
+    known = np.array([sizes.get(name, spread) for name, spread in by_receivers.items()])[which]
+    size = np.where(first.down_classed, np.maximum(of_any, known), known)
     return size[:, None] * region_sigmas(with_offset_regions(first, config.gps))
 
 

@@ -10,7 +10,8 @@ The size of the offsets follows in the same way, from stretches whose offsets vi
 It says how far the path may lie from the next such fixes.
 
 RTK-fixes keep the constants of their class, since every path follows them; so do noise and walk of classes
-whose errors drift steadily for longer, which steps from fix to fix do not show.
+whose errors drift steadily for longer, which steps from fix to fix do not show. RTK-fixes that were
+down-classed count as floats, but show nothing of the receiver's floats.
 """
 
 from collections.abc import Mapping
@@ -43,7 +44,8 @@ def errors_in_fit(
         used: Noise and walk in the fit.
     """
     fixes, learned = nodes.fixes, {}
-    first = np.flatnonzero(np.diff(fixes.node, prepend=-1))  # what others walked is in their noise
+    # what others walked since is in their noise
+    first = np.flatnonzero((np.diff(fixes.node, prepend=-1) > 0) & ~fixes.down_classed)
     node, fix_class = fixes.node[first], fixes.fix_class[first]
     walks = np.isfinite(nodes.walk_tail[node]) & (node > 0)
     (_, noise), (_, walk), _ = squared_deviations(nodes, state)
@@ -87,7 +89,7 @@ def sizes_in_fit(
     fix_class, size_m = nodes.fixes.fix_class[first], nodes.size_m[node]
     share = (nodes.bound[node, 0] * size_m[:, 0]) ** 2
     after_fix = np.append(False, fix_class[:-1] == CLASSES.index(FixClass.RTK_FIX))
-    share[nodes.starts[node] & after_fix] = 0.0
+    share[(nodes.starts[node] & after_fix) | nodes.fixes.down_classed[first]] = 0.0
     squared = np.sum((state.values[node, OFFSET] / size_m) ** 2, axis=1)
     variance = np.diagonal(system.covariances()[node, OFFSET, OFFSET], axis1=1, axis2=2)
     shown = share * [squared, np.maximum(3.0 - np.sum(variance / size_m**2, axis=1), 0.0)]

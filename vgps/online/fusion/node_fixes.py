@@ -7,7 +7,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.offset_errors import mean_errors, step_scale
-from vgps.model import FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.fusion.live_time_offset import LiveTimeOffset
 from vgps.online.fusion.video_path import VideoPath
 
@@ -64,6 +64,7 @@ class NodeFixes:
     Attributes:
         node: (M,) node of each.
         fix_class: (M,) class of each.
+        down_classed: (M,) whether this is the class below the receiver's.
         step: (M, 3) camera at the fix minus camera at the node, in the map.
         velocity: (M, 3) the camera's about the fix, in the map, per second.
         bend: (M,) how far the path departs from that within reach of the time offset, in the map.
@@ -75,6 +76,7 @@ class NodeFixes:
 
     node: IntArray
     fix_class: IntArray
+    down_classed: BoolArray
     step: FloatArray
     velocity: FloatArray
     bend: FloatArray
@@ -111,6 +113,7 @@ def node_fixes(
     return NodeFixes(
         node=node,
         fix_class=seen.fixes.fix_class,
+        down_classed=seen.fixes.down_classed,
         step=seen.camera[:, :3, 3] - camera[node, :3, 3],
         velocity=seen.velocity,
         bend=seen.bend,
