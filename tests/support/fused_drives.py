@@ -58,6 +58,13 @@ class DrivingCamera:
         )
 
 
+def with_class_below(fixes):
+    """The fixes of a drive, of which RTK-fixes may have the error of an RTK-float."""
+    rtk, region = fixes.fix_class == CLASSES.index(FixClass.RTK_FIX), Config().gps.regions[FixClass.RTK_FLOAT]
+    sizes = {"lower_r_m": region.r_m, "lower_h_m": region.h_m}
+    return replace(fixes, **{name: np.where(rtk, size, np.nan) for name, size in sizes.items()})
+
+
 def fixed_then_float(fixed, floating, offset_m, fixed_again=0):
     """Classes and errors of RTK-fixes followed by RTK-float with a constant offset, and RTK-fixes again."""
     counts = (fixed, floating, fixed_again)

@@ -11,7 +11,7 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FloatArray, IntArray
 
-_WRONG_LASTS_S = 30.0  # assumed: the time in which a receiver finds out that its integers are wrong
+WRONG_LASTS_S = 30.0  # assumed: the time in which a receiver finds out that its integers are wrong
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ def sides(alike: BoolArray, fixes: IntArray, interval_s: float, config: OutlierC
         config: How often an error begins, and whether it lasts to the next fix.
     """
     begins = np.log(config.lower_share) + np.where(fixes > 1, np.log(config.persistence), 0.0)
-    score = alike @ (fixes * interval_s / _WRONG_LASTS_S) + ~alike @ begins
+    score = alike @ (fixes * interval_s / WRONG_LASTS_S) + ~alike @ begins
     best = int(np.argmax(score))
     if alike[best].all():
         return None

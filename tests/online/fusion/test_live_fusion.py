@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import ANTENNA, DrivingCamera
+from fused_drives import ANTENNA, DrivingCamera, with_class_below
 
 from vgps.config import Config
 from vgps.gps.fix_buffer import FixBuffer
@@ -153,6 +153,24 @@ def test_a_wrong_fix_has_its_verdict_after_two_frames():
     while not pipeline.fix_buffer.assessment.rejected.any():
         pipeline.frame()
     assert pipeline.t_s[-1] == pytest.approx(pipeline.to_come.t_s[10] + 0.2)
+
+
+@pytest.mark.slow
+def test_sigmas_cover_that_rtk_fixes_are_wrong_which_the_path_before_contradicts_until_right_ones_return():
+    pipeline, drive = Pipeline(drift=0.2), DrivingCamera(500)
+    kinds = np.repeat([FixClass.RTK_FIX, FixClass.DGPS, FixClass.RTK_FIX], [20, 8, 22]).tolist()
+    wrong = np.zeros((50, 3))
+    wrong[28:34] = [2.0, -1.5, 1.0]
+    pipeline.to_come = with_class_below(drive.fixes(kinds, wrong))
+    found = []
+    for _ in range(400):
+        pipeline.frame()
+        if len(pipeline.t_s) > 20:
+            found.append((pipeline.error_m(), np.linalg.norm(pipeline.fusion.sigmas().position_m)))
+    error_m, sigma_m = np.array(found).T
+    assert len(pipeline.warnings) == 1 and "RTK-fixes at 28.0 s" in pipeline.warnings[0]
+    assert error_m.max() > 2.5 and (error_m < 2.0 * sigma_m + 0.1).all()
+    assert error_m[-1] < 0.1 and sigma_m[-1] < 0.3
 
 
 @pytest.mark.slow

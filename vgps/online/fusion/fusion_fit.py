@@ -11,6 +11,7 @@ from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_o
 from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.fusion.clock_watch import shown_time_offset
+from vgps.online.fusion.doubted_fixes import Doubt, doubted
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.fusion.node_fixes import SAME_TIME_S
@@ -27,7 +28,8 @@ class FitResult:
     """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
 
     ``surprising``: whether its newest fixes call for verdicts. ``shown``: the rest of the time offset, where
-    displacements contradict the fit, if they were asked.
+    displacements contradict the fit, if they were asked. ``doubt``: about new RTK-fixes that the last fit
+    contradicts.
     """
 
     fused: FusedPath
@@ -35,6 +37,7 @@ class FitResult:
     assessment: FixAssessment
     surprising: bool = False
     shown: TimeOffset | None = None
+    doubt: Doubt | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,10 +104,13 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
 
 
 def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config: Config) -> FitResult:
+    path, fixes, last = given.path, assessment.applied(given.fixes), given.last
     result = FitResult(fused, given.number, assessment)
+    if last is not None and detects_outliers(config):
+        new = fixes.where(fixes.t_s > last.newest_s + SAME_TIME_S)
+        result = replace(result, doubt=doubted(new, last, fused, path, config))
     if not given.asks_displacements:
         return result
-    path, fixes = given.path, assessment.applied(given.fixes)
     world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset
     return replace(result, shown=shown_time_offset(path, world, fixes, antenna, believed, config.sensors))
 

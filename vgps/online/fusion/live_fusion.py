@@ -14,6 +14,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion.clock_watch import ClockWatch
+from vgps.online.fusion.doubted_fixes import Doubt
 from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
 from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
@@ -55,6 +56,7 @@ class LiveFusion:
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
         self._newest_fixes = 0  # their number when it was found
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
+        self._doubt: Doubt | None = None
         self._ties = PlaceTies.none()
         self._seen: SeenByFit | None = None  # None if a fit is due
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the first fit began
@@ -80,7 +82,7 @@ class LiveFusion:
         if current is not self._map:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
-            self._map, self._job, self._latest, self._newest = current, None, None, None
+            self._map, self._job, self._latest, self._newest, self._doubt = current, None, None, None, None
             self._known_s, self._clock_watch = self._time_offset_s, ClockWatch(self._config.sensors)
         if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
             self._update_fixes(self._latest)
@@ -127,9 +129,21 @@ class LiveFusion:
             return
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
+        self._heed(result.doubt)
         if given.asks_displacements and (shown := self._clock_watch.confirmed(result.shown)):
             self._known_s += shown.time_offset_s  # the next fit begins anew; till then this one places frames
             self._latest = None
+
+    def _heed(self, doubt: Doubt | None) -> None:
+        """Remember a doubt, unless its fixes take back what others did that were doubted before."""
+        if doubt is None:
+            return
+        before = self._doubt
+        if before is not None and doubt.takes_back(before):
+            self._doubt = None
+        elif before is None or doubt.outweighs(before):
+            self._doubt = doubt
+            self._frame_pipeline.warnings.append(doubt.note)
 
     def _update_fixes(self, result: FitResult) -> None:
         """Take over the verdicts on the fixes and their time offset."""
@@ -182,9 +196,10 @@ class LiveFusion:
             return bridged.sigmas
         if self._newest is None or self._map is None:
             return UNKNOWN_SIGMAS
-        covariance = self._of_camera(self._newest.covariance_at_end(self._path(self._map), self._config))
-        away_s = float(self._frame_pipeline.t_s[-1] - self._map.t_s[-1])
-        return pose_sigmas(covariance, away_s, self._config.motion)
+        t_s = float(self._frame_pipeline.t_s[-1])
+        covariance = self._newest.covariance_at_end(self._path(self._map), self._config)
+        away_s = t_s - float(self._map.t_s[-1])
+        return pose_sigmas(self._of_camera(covariance, t_s), away_s, self._config.motion)
 
     def bridged(self) -> BridgedPose | None:
         """Return the newest frame's pose by the IMU, if the last map with a fit ended before it; None if the
@@ -197,7 +212,7 @@ class LiveFusion:
             return None
         local_map, fused = placed
         path = self._path(local_map)
-        covariance = self._of_camera(fused.covariance_at_end(path, self._config))
+        covariance = self._of_camera(fused.covariance_at_end(path, self._config), float(path.t_s[-1]))
         to_world, seen = fused.to_world(path), 1 + max(local_map.bridged, default=-1)
         if seen > local_map.next_frame - len(path.t_s):  # the frames since features returned
             path = path.since(float(t_s[seen]))
@@ -212,7 +227,7 @@ class LiveFusion:
         row = frame - (current.next_frame - len(path.t_s))
         if row < 0 or not np.isfinite(path.poses[row, 0, 0]) or path.t_s[row] > self._fused.newest_s:
             return None
-        covariance = self._of_camera(self._fused.covariances_at(path.t_s[[row]])[0])
+        covariance = self._of_camera(self._fused.covariances_at(path.t_s[[row]])[0], float(path.t_s[row]))
         return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
 
     def world_path(self) -> RetiredPoses | None:
@@ -247,14 +262,16 @@ class LiveFusion:
         """Let places seen again count, from the next fit on, instead of those of before."""
         self._ties, self._seen = ties, None
 
-    def _of_camera(self, covariance: FloatArray) -> FloatArray:
-        """Return the covariance (7, 7) of a pose whose antenna may not be where it was assumed."""
-        if self._antenna_known:
-            return covariance
-        fix_buffer = self._frame_pipeline.fix_buffer
-        sensors = fix_buffer.sensors.with_unknown_antenna(self._config.sensors, fix_buffer.fixes.are_rtk)
+    def _of_camera(self, covariance: FloatArray, t_s: float) -> FloatArray:
+        """Return the covariance (7, 7) of a pose at a time whose antenna may not be where it was assumed, by
+        fixes that may be wrong."""
         covariance = covariance.copy()
-        covariance[POSITION, POSITION] += sensors.antenna_sigma_m**2 * np.eye(3)
+        if self._doubt is not None:
+            covariance[POSITION, POSITION] += self._doubt.covariance(t_s)
+        if not self._antenna_known:
+            fix_buffer = self._frame_pipeline.fix_buffer
+            sensors = fix_buffer.sensors.with_unknown_antenna(self._config.sensors, fix_buffer.fixes.are_rtk)
+            covariance[POSITION, POSITION] += sensors.antenna_sigma_m**2 * np.eye(3)
         return covariance
 
     def _path(self, current: LocalMap) -> VideoPath:

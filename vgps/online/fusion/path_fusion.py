@@ -117,10 +117,14 @@ class FusedPath:
         bound of offsets, and the correction of the newest position."""
         deviations = squared_deviations(self.nodes, self.state)
         new = [d[t_s > last.newest_s + SAME_TIME_S].max(initial=0.0) for t_s, d in deviations]
-        before, now = (one.to_world(path).points(path.poses[-1:, :3, 3])[0] for one in (last, self))
-        shift = now - before
+        moved_m = self.moved_from(last, path)
         covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
-        return float(max(*new, shift @ np.linalg.solve(covariance, shift)))
+        return float(max(*new, moved_m @ np.linalg.solve(covariance, moved_m)))
+
+    def moved_from(self, last: "FusedPath", path: VideoPath) -> FloatArray:
+        """Return by how much (3,) the newest position differs from that of an earlier fit."""
+        before, now = (one.to_world(path).points(path.poses[-1:, :3, 3])[0] for one in (last, self))
+        return np.asarray(now - before)
 
     @cached_property
     def _covariances(self) -> FloatArray:

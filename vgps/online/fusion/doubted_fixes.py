@@ -1,0 +1,109 @@
+"""RTK-fixes that the live path before them contradicts, though verdicts believe them.
+
+After some seconds without RTK-fixes a verdict hangs on how far the video may have drifted, for which verdicts
+allow more than the fit of the live path expects (:mod:`vgps.gps.drift_model`). Where wrong integers explain
+as well how far a fix moves the path, either may be right. The poses follow the fixes, and their standard
+deviations cover the other case for as long as a receiver may take to find out.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import expit
+from scipy.stats import multivariate_normal
+
+from vgps.config import Config, OutlierConfig
+from vgps.gps.fix_conflict import WRONG_LASTS_S
+from vgps.gps.fix_errors import region_sigmas
+from vgps.gps.fixes import CLASSES, Fixes
+from vgps.model import FixClass, FloatArray
+from vgps.online.fusion.fusion_equations import POSITION
+from vgps.online.fusion.path_fusion import FusedPath
+from vgps.online.fusion.video_path import VideoPath
+
+_UNLIKELY = 0.05  # probability that standard deviations need not cover
+_LIKELIER = 0.5  # than that they are right
+_BACK = 0.75  # of the way that they moved the path
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """RTK-fixes that moved the path farther than it can have been wrong.
+
+    Attributes:
+        since_s: Time of the pose that they moved.
+        moved_m: (3,) by how much.
+        probability: That they are wrong.
+    """
+
+    since_s: float
+    moved_m: FloatArray
+    probability: float
+
+    @property
+    def note(self) -> str:
+        """What the user should know of it."""
+        return (
+            f"RTK-fixes at {self.since_s:.1f} s lie {np.linalg.norm(self.moved_m):.1f} m off the path before "
+            f"them; the poses follow them, and with p = {self.probability:.2g} they are wrong, which the "
+            "standard deviations cover"
+        )
+
+    def outweighs(self, before: "Doubt") -> bool:
+        """Return whether an earlier doubt leaves less unsure by now."""
+        return bool(np.trace(self.covariance(self.since_s)) > np.trace(before.covariance(self.since_s)))
+
+    def takes_back(self, before: "Doubt") -> bool:
+        """Return whether these fixes lead back to where the path was without those doubted before."""
+        back_m2 = -float(self.moved_m @ before.moved_m)
+        return self.probability > _LIKELIER and back_m2 > _BACK * float(before.moved_m @ before.moved_m)
+
+    def covariance(self, t_s: float) -> FloatArray:
+        """Return what a position at a time is unsure of for this reason, (3, 3)."""
+        if t_s < self.since_s:
+            return np.zeros((3, 3))
+        lasting = self.probability * np.exp((self.since_s - t_s) / WRONG_LASTS_S)
+        return np.asarray(lasting * np.outer(self.moved_m, self.moved_m))
+
+
+def doubted(fixes: Fixes, before: FusedPath, now: FusedPath, path: VideoPath, config: Config) -> Doubt | None:
+    """Return the doubt about new fixes; None if they are hardly wrong.
+
+    Args:
+        fixes: Those that the fit before did not know, with their verdicts.
+        before, now: The fits before and with them.
+        path: The video's.
+        config: How likely RTK-fixes are wrong, and the drift.
+    """
+    moved_m = now.moved_from(before, path)
+    known_m2 = before.covariance_at_end(path, config)[POSITION, POSITION]
+    probability = wrong_probability(fixes, moved_m, known_m2, config.outliers)
+    if probability < _UNLIKELY:
+        return None
+    return Doubt(float(path.t_s[-1]), moved_m, probability)
+
+
+def wrong_probability(
+    fixes: Fixes, moved_m: FloatArray, known_m2: FloatArray, config: OutlierConfig
+) -> float:
+    """Return the probability that RTK-fixes are wrong by which a position moved; 0 if there are none.
+
+    They have the error of the class below then, or are outliers.
+
+    Args:
+        fixes: With their verdicts.
+        moved_m: (3,) movement of the position.
+        known_m2: (3, 3) its covariance before.
+        config: How likely RTK-fixes are wrong.
+    """
+    rtk = fixes.where(fixes.used & (fixes.fix_class == CLASSES.index(FixClass.RTK_FIX)))
+    if not np.isfinite(rtk.lower_r_m).any():
+        return 0.0
+    size_m = region_sigmas(replace(rtk, r_m=rtk.lower_r_m, h_m=rtk.lower_h_m))[-1]
+    lower, outlier = config.lower_share, config.outlier_share
+    wrong = np.logaddexp(
+        np.log(lower) + multivariate_normal.logpdf(moved_m, cov=known_m2 + np.diag(size_m**2)),
+        np.log(outlier / (2.0 * np.pi * config.outlier_radius_m**3)),
+    )
+    right = np.log(1.0 - lower - outlier) + multivariate_normal.logpdf(moved_m, cov=known_m2)
+    return float(expit(wrong - right))
