@@ -50,9 +50,17 @@ def test_far_off_they_are_outliers():
     assert probability([0.0, 30.0, 0.0]) > 0.999
 
 
-def test_only_rtk_fixes_that_count_are_doubted():
+def test_of_another_class_they_are_outliers_if_they_are_wrong():
+    floats = rtk_fixes(kind=FixClass.RTK_FLOAT)
+    for moved_m, known_m2 in ((1.0, 0.04 * np.eye(3)), (6.0, np.eye(3))):
+        outlier = OUTLIERS.outlier_share / (2.0 * np.pi * OUTLIERS.outlier_radius_m**3)
+        right = (1.0 - OUTLIERS.outlier_share) * normal(moved_m, known_m2[0, 0])
+        found = wrong_probability(floats, np.array([moved_m, 0.0, 0.0]), known_m2, OUTLIERS)
+        assert found == pytest.approx(outlier / (outlier + right))
+
+
+def test_fixes_that_do_not_count_are_not_doubted():
     moved_m, fixes = [3.0, 0.0, 0.0], rtk_fixes()
-    assert probability(moved_m, rtk_fixes(kind=FixClass.RTK_FLOAT)) == 0.0
     assert probability(moved_m, replace(fixes, used=np.zeros(2, dtype=bool))) == 0.0
     assert probability(moved_m, rtk_fixes(0)) == 0.0
 

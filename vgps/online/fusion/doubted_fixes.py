@@ -1,8 +1,8 @@
-"""RTK-fixes that the live path before them contradicts, though verdicts believe them.
+"""Fixes that the live path before them contradicts, though verdicts believe them.
 
-After some seconds without RTK-fixes a verdict hangs on how far the video may have drifted, for which verdicts
-allow more than the fit of the live path expects (:mod:`vgps.gps.drift_model`). Where wrong integers explain
-as well how far a fix moves the path, either may be right. The poses follow the fixes, and their standard
+After some seconds without RTK-fixes the verdict on one hangs on how far the video may have drifted, for which
+verdicts allow more than the fit of the live path expects (:mod:`vgps.gps.drift_model`). Where a wrong fix
+explains as well how far the path moved, either may be right. The poses follow the fixes, and their standard
 deviations cover the other case for as long as a receiver may take to find out.
 """
 
@@ -15,8 +15,8 @@ from scipy.stats import multivariate_normal
 from vgps.config import Config, OutlierConfig
 from vgps.gps.fix_conflict import WRONG_LASTS_S
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import CLASSES, Fixes
-from vgps.model import FixClass, FloatArray
+from vgps.gps.fixes import Fixes
+from vgps.model import FloatArray
 from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.path_fusion import FusedPath
 from vgps.online.fusion.video_path import VideoPath
@@ -28,7 +28,7 @@ _BACK = 0.75  # of the way that they moved the path
 
 @dataclass(frozen=True)
 class Doubt:
-    """RTK-fixes that moved the path farther than it can have been wrong.
+    """Fixes that moved the path farther than it can have been wrong.
 
     Attributes:
         since_s: Time of the pose that they moved.
@@ -44,7 +44,7 @@ class Doubt:
     def note(self) -> str:
         """What the user should know of it."""
         return (
-            f"RTK-fixes at {self.since_s:.1f} s lie {np.linalg.norm(self.moved_m):.1f} m off the path before "
+            f"fixes at {self.since_s:.1f} s lie {np.linalg.norm(self.moved_m):.1f} m off the path before "
             f"them; the poses follow them, and with p = {self.probability:.2g} they are wrong, which the "
             "standard deviations cover"
         )
@@ -73,7 +73,7 @@ def doubted(fixes: Fixes, before: FusedPath, now: FusedPath, path: VideoPath, co
         fixes: Those that the fit before did not know, with their verdicts.
         before, now: The fits before and with them.
         path: The video's.
-        config: How likely RTK-fixes are wrong, and the drift.
+        config: How likely fixes are wrong, and the drift.
     """
     moved_m = now.moved_from(before, path)
     known_m2 = before.covariance_at_end(path, config)[POSITION, POSITION]
@@ -86,24 +86,26 @@ def doubted(fixes: Fixes, before: FusedPath, now: FusedPath, path: VideoPath, co
 def wrong_probability(
     fixes: Fixes, moved_m: FloatArray, known_m2: FloatArray, config: OutlierConfig
 ) -> float:
-    """Return the probability that RTK-fixes are wrong by which a position moved; 0 if there are none.
+    """Return the probability that fixes are wrong by which a position moved; 0 if there are none.
 
-    They have the error of the class below then, or are outliers.
+    They are outliers then, or RTK-fixes with the error of the class below.
 
     Args:
         fixes: With their verdicts.
         moved_m: (3,) movement of the position.
         known_m2: (3, 3) its covariance before.
-        config: How likely RTK-fixes are wrong.
+        config: How likely fixes are wrong.
     """
-    rtk = fixes.where(fixes.used & (fixes.fix_class == CLASSES.index(FixClass.RTK_FIX)))
-    if not np.isfinite(rtk.lower_r_m).any():
+    fixes = fixes.where(fixes.used)
+    if not len(fixes):
         return 0.0
-    size_m = region_sigmas(replace(rtk, r_m=rtk.lower_r_m, h_m=rtk.lower_h_m))[-1]
-    lower, outlier = config.lower_share, config.outlier_share
-    wrong = np.logaddexp(
-        np.log(lower) + multivariate_normal.logpdf(moved_m, cov=known_m2 + np.diag(size_m**2)),
-        np.log(outlier / (2.0 * np.pi * config.outlier_radius_m**3)),
-    )
+    lower, outlier = 0.0, config.outlier_share
+    wrong = np.log(outlier / (2.0 * np.pi * config.outlier_radius_m**3))
+    fallible = fixes.where(np.isfinite(fixes.lower_r_m) & ~fixes.down_classed)
+    if len(fallible):
+        lower = config.lower_share
+        size_m = region_sigmas(replace(fallible, r_m=fallible.lower_r_m, h_m=fallible.lower_h_m))[-1]
+        as_lower = multivariate_normal.logpdf(moved_m, cov=known_m2 + np.diag(size_m**2))
+        wrong = np.logaddexp(wrong, np.log(lower) + as_lower)
     right = np.log(1.0 - lower - outlier) + multivariate_normal.logpdf(moved_m, cov=known_m2)
     return float(expit(wrong - right))

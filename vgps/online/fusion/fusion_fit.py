@@ -28,7 +28,7 @@ class FitResult:
     """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
 
     ``surprising``: whether its newest fixes call for verdicts. ``shown``: the rest of the time offset, where
-    displacements contradict the fit, if they were asked. ``doubt``: about new RTK-fixes that the last fit
+    displacements contradict the fit, if they were asked. ``doubt``: about new fixes that the last fit
     contradicts.
     """
 
