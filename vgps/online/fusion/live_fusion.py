@@ -56,7 +56,6 @@ class LiveFusion:
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
         self._newest_fixes = 0  # their number when it was found
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
-        self._doubt: Doubt | None = None
         self._ties = PlaceTies.none()
         self._seen: SeenByFit | None = None  # None if a fit is due
         self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the first fit began
@@ -70,6 +69,7 @@ class LiveFusion:
         self._bridge = None if imu is None else InertialBridge(imu, self._config)
         self._job: FitJob | None = None
         self._latest: FitResult | None = None
+        self._doubt: Doubt | None = None
 
     @property
     def _fused(self) -> FusedPath | None:
@@ -132,7 +132,7 @@ class LiveFusion:
         self._heed(result.doubt)
         if given.asks_displacements and (shown := self._clock_watch.confirmed(result.shown)):
             self._known_s += shown.time_offset_s  # the next fit begins anew; till then this one places frames
-            self._latest = None
+            self._latest, self._doubt = None, None
 
     def _heed(self, doubt: Doubt | None) -> None:
         """Remember a doubt, unless its fixes take back what others did that were doubted before."""
