@@ -14,7 +14,7 @@ from math import gamma
 
 import numpy as np
 
-from vgps.config import Config
+from vgps.config import Config, OutlierConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.offset_errors import log_walk_density
 from vgps.model import BoolArray, FloatArray
@@ -127,7 +127,7 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
     with np.errstate(invalid="ignore"):  # NaN where there is no class below
         lower = _log_class_density(offset, fixes.lower_r_m, fixes.lower_h_m, config, tolerance_m)
     lower = np.where(np.isnan(lower), -np.inf, lower)
-    bad = np.full(len(offset), -np.log(2.0 * np.pi * config.outliers.outlier_radius_m**3))
+    bad = np.full(len(offset), log_outlier_density(config.outliers))
     step = np.diff(offset, axis=0)
     walked = log_walk_density(step, fixes, config.gps, tolerance_m)
     repeated = np.append(-np.inf, _log_repeated_density(step, walked, fixes, config, tolerance_m))
@@ -135,6 +135,11 @@ def _log_densities(offset: FloatArray, fixes: Fixes, config: Config, tolerance_m
     # a jump within a stretch leads to another offset of the class
     farther = np.append(0.0, np.minimum(np.diff(nominal), 0.0))
     return np.stack([nominal, lower, bad, walked + farther, repeated, repeated], axis=1)
+
+
+def log_outlier_density(config: OutlierConfig) -> float:
+    """Return the log density of an outlier, anywhere within ``outlier_radius_m`` [1/m^3]."""
+    return float(-np.log(2.0 * np.pi * config.outlier_radius_m**3))
 
 
 def _log_repeated_density(

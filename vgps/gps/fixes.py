@@ -62,7 +62,7 @@ class Fixes:
 
     @property
     def down_classed(self) -> BoolArray:
-        """(M,) whether each has the class below the receiver's: of RTK-fixes alone is there one."""
+        """(M,) whether each has the class below the receiver's, which only RTK-fixes have."""
         return np.asarray(np.isfinite(self.lower_r_m) & (self.fix_class != CLASSES.index(FixClass.RTK_FIX)))
 
     def until(self, t_s: float) -> "Fixes":

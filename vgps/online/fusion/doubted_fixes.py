@@ -3,7 +3,8 @@
 After some seconds without RTK-fixes the verdict on one hangs on how far the video may have drifted, for which
 verdicts allow more than the fit of the live path expects (:mod:`vgps.gps.drift_model`). Where a wrong fix
 explains as well how far the path moved, either may be right. The poses follow the fixes, and their standard
-deviations cover the other case for as long as a receiver may take to find out.
+deviations cover the other case for as long as a receiver may take to find out. Fixes that come later than the
+fit that is compared are not looked at.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from scipy.stats import multivariate_normal
 from vgps.config import Config, OutlierConfig
 from vgps.gps.fix_conflict import WRONG_LASTS_S
 from vgps.gps.fix_errors import region_sigmas
+from vgps.gps.fix_states import log_outlier_density
 from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray
 from vgps.online.fusion.fusion_equations import POSITION
@@ -45,8 +47,8 @@ class Doubt:
         """What the user should know of it."""
         return (
             f"fixes at {self.since_s:.1f} s lie {np.linalg.norm(self.moved_m):.1f} m off the path before "
-            f"them; the poses follow them, and with p = {self.probability:.2g} they are wrong, which the "
-            "standard deviations cover"
+            f"them, by which they are wrong with p = {self.probability:.3g}; their verdicts say otherwise: "
+            "the poses follow them, and the standard deviations cover both"
         )
 
     def outweighs(self, before: "Doubt") -> bool:
@@ -66,7 +68,9 @@ class Doubt:
         return np.asarray(lasting * np.outer(self.moved_m, self.moved_m))
 
 
-def doubted(fixes: Fixes, before: FusedPath, now: FusedPath, path: VideoPath, config: Config) -> Doubt | None:
+def doubt_about(
+    fixes: Fixes, before: FusedPath, now: FusedPath, path: VideoPath, config: Config
+) -> Doubt | None:
     """Return the doubt about new fixes; None if they are hardly wrong.
 
     Args:
@@ -100,7 +104,7 @@ def wrong_probability(
     if not len(fixes):
         return 0.0
     lower, outlier = 0.0, config.outlier_share
-    wrong = np.log(outlier / (2.0 * np.pi * config.outlier_radius_m**3))
+    wrong = np.log(outlier) + log_outlier_density(config)
     fallible = fixes.where(np.isfinite(fixes.lower_r_m) & ~fixes.down_classed)
     if len(fallible):
         lower = config.lower_share

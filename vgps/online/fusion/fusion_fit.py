@@ -11,7 +11,7 @@ from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_o
 from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.online.fusion.clock_watch import shown_time_offset
-from vgps.online.fusion.doubted_fixes import Doubt, doubted
+from vgps.online.fusion.doubted_fixes import Doubt, doubt_about
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.fusion.node_fixes import SAME_TIME_S
@@ -108,7 +108,7 @@ def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config
     result = FitResult(fused, given.number, assessment)
     if last is not None and detects_outliers(config):
         new = fixes.where(fixes.t_s > last.newest_s + SAME_TIME_S)
-        result = replace(result, doubt=doubted(new, last, fused, path, config))
+        result = replace(result, doubt=doubt_about(new, last, fused, path, config))
     if not given.asks_displacements:
         return result
     world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset

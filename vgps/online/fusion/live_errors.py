@@ -44,7 +44,7 @@ def errors_in_fit(
         used: Noise and walk in the fit.
     """
     fixes, learned = nodes.fixes, {}
-    # what others walked since is in their noise
+    # the first fix of each node: what the others walked since is in their noise
     first = np.flatnonzero((np.diff(fixes.node, prepend=-1) > 0) & ~fixes.down_classed)
     node, fix_class = fixes.node[first], fixes.fix_class[first]
     walks = np.isfinite(nodes.walk_tail[node]) & (node > 0)

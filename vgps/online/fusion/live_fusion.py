@@ -199,7 +199,7 @@ class LiveFusion:
         t_s = float(self._frame_pipeline.t_s[-1])
         covariance = self._newest.covariance_at_end(self._path(self._map), self._config)
         away_s = t_s - float(self._map.t_s[-1])
-        return pose_sigmas(self._of_camera(covariance, t_s), away_s, self._config.motion)
+        return pose_sigmas(self._with_unknowns(covariance, t_s), away_s, self._config.motion)
 
     def bridged(self) -> BridgedPose | None:
         """Return the newest frame's pose by the IMU, if the last map with a fit ended before it; None if the
@@ -212,7 +212,7 @@ class LiveFusion:
             return None
         local_map, fused = placed
         path = self._path(local_map)
-        covariance = self._of_camera(fused.covariance_at_end(path, self._config), float(path.t_s[-1]))
+        covariance = self._with_unknowns(fused.covariance_at_end(path, self._config), float(path.t_s[-1]))
         to_world, seen = fused.to_world(path), 1 + max(local_map.bridged, default=-1)
         if seen > local_map.next_frame - len(path.t_s):  # the frames since features returned
             path = path.since(float(t_s[seen]))
@@ -227,7 +227,7 @@ class LiveFusion:
         row = frame - (current.next_frame - len(path.t_s))
         if row < 0 or not np.isfinite(path.poses[row, 0, 0]) or path.t_s[row] > self._fused.newest_s:
             return None
-        covariance = self._of_camera(self._fused.covariances_at(path.t_s[[row]])[0], float(path.t_s[row]))
+        covariance = self._with_unknowns(self._fused.covariances_at(path.t_s[[row]])[0], float(path.t_s[row]))
         return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
 
     def world_path(self) -> RetiredPoses | None:
@@ -262,9 +262,9 @@ class LiveFusion:
         """Let places seen again count, from the next fit on, instead of those of before."""
         self._ties, self._seen = ties, None
 
-    def _of_camera(self, covariance: FloatArray, t_s: float) -> FloatArray:
-        """Return the covariance (7, 7) of a pose at a time whose antenna may not be where it was assumed, by
-        fixes that may be wrong."""
+    def _with_unknowns(self, covariance: FloatArray, t_s: float) -> FloatArray:
+        """Return the covariance (7, 7) of a pose at a time with what no fit knows: whether doubted fixes are
+        wrong, and where the antenna is."""
         covariance = covariance.copy()
         if self._doubt is not None:
             covariance[POSITION, POSITION] += self._doubt.covariance(t_s)
