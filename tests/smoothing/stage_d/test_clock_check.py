@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plain_values import plain
 from synthetic_bundle import ANTENNA, TIGHT
 from synthetic_map import away, context, map_of, scene
 
@@ -26,8 +27,8 @@ SHARP = {"batch": {"video_sigma_scale": 1.0}}  # a video as exact as this one, o
 
 
 def decided(sensors):
-    """Return sensors without what is unknown of a time offset that is held."""
-    return replace(sensors, held_sigma_s=0.0)
+    """Return plain sensors without what is unknown of a time offset that is held."""
+    return plain(replace(sensors, held_sigma_s=0.0))
 
 
 def settings(**changes):
@@ -59,14 +60,14 @@ def test_good_fixes_show_a_time_offset_that_their_displacements_did_not(late_s):
 @pytest.mark.slow
 def test_a_right_clock_stays_as_it_is():
     found, _ = result(0.0)
-    assert decided(found.sensors) == HELD and np.isnan(found.time_offset_sigma_s[0])
+    assert decided(found.sensors) == plain(HELD) and np.isnan(found.time_offset_sigma_s[0])
 
 
 @pytest.mark.slow
 def test_what_displacements_showed_by_chance_is_taken_back():
     chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
     found, error = result(0.0, chance)
-    assert decided(found.sensors) == HELD and np.isnan(found.time_offset_sigma_s[0])
+    assert decided(found.sensors) == plain(HELD) and np.isnan(found.time_offset_sigma_s[0])
     assert error < 0.01
 
 
@@ -92,7 +93,7 @@ def trial(monkeypatch, shown, sensors=HELD, good=4):
 def test_a_trial_has_to_confirm_what_was_suspected(monkeypatch, found_s, counts):
     after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(found_s, 0.04)])
     assert [one.time_offset_s for one in again] == [0.07]
-    assert decided(after) == (again[0] if counts else HELD)
+    assert decided(after) == plain(again[0] if counts else HELD)
 
 
 @pytest.mark.parametrize(("displacements", "counts"), [((-0.05, 0.02), False), ((0.05, 0.02), True)])
@@ -101,14 +102,14 @@ def test_a_trial_that_displacements_refute_does_not_count(monkeypatch, displacem
     monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.0)
     seen = replace(HELD, by_displacements=TimeOffset(*displacements))
     after, again = trial(monkeypatch, [TimeOffset(0.07, 0.02), TimeOffset(0.14, 0.04)], seen)
-    assert decided(after) == (again[0] if counts else seen)
+    assert decided(after) == plain(again[0] if counts else seen)
 
 
 def test_a_trial_that_knows_little_more_than_the_prior_does_not_count(monkeypatch):
     """As where a wrong height of the camera stretches the path: 0.72 s, one sigma 0.47 s."""
     monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.0)
     after, again = trial(monkeypatch, [TimeOffset(1.8, 0.3), TimeOffset(0.72, 0.47)])
-    assert len(again) == 1 and decided(after) == HELD
+    assert len(again) == 1 and decided(after) == plain(HELD)
 
 
 def test_what_a_trial_finds_is_held_unless_most_fixes_are_rtk_fixes(monkeypatch):
@@ -139,12 +140,12 @@ def test_a_trial_finds_all_of_what_the_poses_show_in_part():
 def test_places_of_rtk_fixes_improve_what_is_certain(monkeypatch, good, prior, improved):
     certain = HELD.with_time_offset(TimeOffset(0.2, 0.02))
     expected = replace(certain, prior_time_offset=prior, shown_by_poses=improved)
-    assert trial(monkeypatch, [], certain, good) == (expected, [])
+    assert plain(trial(monkeypatch, [], certain, good)) == (plain(expected), [])
 
 
 def test_what_is_within_a_sigma_is_not_tried(monkeypatch):
     after, again = trial(monkeypatch, [TimeOffset(0.025, 0.02)])
-    assert (decided(after), again) == (HELD, [])
+    assert (decided(after), again) == (plain(HELD), [])
 
 
 @pytest.mark.parametrize(
@@ -225,7 +226,7 @@ def test_what_may_be_chance_is_taken_back_where_a_trial_fails(monkeypatch):
     chance = HELD.with_time_offset(TimeOffset(0.15, 0.06), 0.8)
     monkeypatch.setattr(clock_check, "least_cost_step", failing)
     found, error = result(0.0, chance)
-    assert decided(found.sensors) == HELD and error < 0.01
+    assert decided(found.sensors) == plain(HELD) and error < 0.01
 
 
 @pytest.mark.slow
@@ -261,7 +262,7 @@ def test_many_noisy_fixes_do_not_know_a_time_offset_that_their_motion_does_not_s
 def test_coarse_fixes_do_not_improve_what_their_displacements_showed():
     shown = HELD.with_time_offset(TimeOffset(0.25, 0.05))
     found, _ = result(0.2, shown, told=FixClass.RTK_FLOAT)
-    assert found.sensors == shown and found.time_offset_sigma_s == [0.05]
+    assert plain(found.sensors) == plain(shown) and found.time_offset_sigma_s == [0.05]
 
 
 @pytest.mark.slow
@@ -277,7 +278,7 @@ def test_rtk_fixes_among_more_floats_improve_what_displacements_showed():
 def test_the_configured_time_offset_is_the_one_that_is_doubted():
     given = Sensors.fixed(ANTENNA, 0.2)
     found, _ = result(0.2, given, settings(sensors={"time_offset_s": 0.2}))
-    assert decided(found.sensors) == given
+    assert decided(found.sensors) == plain(given)
 
 
 @pytest.mark.slow
@@ -294,7 +295,7 @@ def test_what_is_unknown_of_a_held_time_offset_is_in_the_standard_deviations():
 @pytest.mark.slow
 def test_what_displacements_make_likely_is_tried_where_the_poses_alone_suspect_nothing():
     """A gentle drive with a video that counts little."""
-    assert decided(result(0.2, config=Config())[0].sensors) == HELD
+    assert decided(result(0.2, config=Config())[0].sensors) == plain(HELD)
     found, _ = result(0.2, HELD.with_time_offset(TimeOffset(0.17, 0.1), 0.8), Config())
     assert abs(found.sensors.time_offset_s - 0.2) < 3.0 * float(found.time_offset_sigma_s[0]) < 0.1
 
