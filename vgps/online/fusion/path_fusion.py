@@ -14,7 +14,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.geometry import cross_matrices, interpolate_vectors, rotation_matrices, rotation_vectors
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.learned_errors import LearnedErrors
 from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
@@ -231,8 +231,11 @@ def _start(nodes: FusionNodes) -> FusionState:
 
 
 def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
-    """Return the last fit at the new nodes; beyond it the path goes on with the video, and a new offset is
-    what the fixes differ from that."""
+    """Return the last fit at the new nodes; beyond it the path goes on with the video.
+
+    An offset is what its new fixes differ from that, unless these are RTK-fixes: begun as an error of the
+    path, a jump of the receiver would first move the path, and may hold it in a minimum there.
+    """
     before, t_s = last.nodes.t_s, nodes.t_s
     values = interpolate_vectors(before, last.state.values, t_s)
     node = np.clip(np.searchsorted(before, t_s + SAME_TIME_S) - 1, 0, None)
@@ -243,11 +246,21 @@ def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
         values[new:, POSITION] = values[new - 1, POSITION] + np.cumsum(steps, axis=0)
     values[:, TIME_OFFSET] = nodes.time_offset.time_offset_s
     state = FusionState(values, R)
-    known = before[last.nodes.starts]
-    for start in np.flatnonzero(nodes.starts).tolist():
-        if not (np.abs(known - t_s[start]) < SAME_TIME_S).any():
-            fix = int(np.flatnonzero(nodes.fixes.node == start)[0])
-            step = np.exp(values[start, SCALE]) * nodes.fixes.step[fix]
-            antenna = values[start, POSITION] + R[start] @ (step + nodes.fixes.arm[fix])
-            values[start:, OFFSET] = nodes.fixes.world_p_fix[fix] - antenna
+    for begin, offset in zip(*_new_offsets(nodes, state, last), strict=True):
+        values[begin:, OFFSET] = offset
     return state
+
+
+def _new_offsets(nodes: FusionNodes, state: FusionState, last: FusedPath) -> tuple[IntArray, FloatArray]:
+    """Return the nodes (K,) where offsets begin that the last fit has not, or have new fixes, and what these
+    differ from the path (K, 3)."""
+    fixes, known_s = nodes.fixes, last.nodes.t_s[last.nodes.starts]
+    node, first = np.unique(fixes.node, return_index=True)
+    t_s, starts = nodes.t_s[node], nodes.starts[node]
+    away = np.exp(state.values[node, SCALE])[:, None] * fixes.step[first] + fixes.arm[first]
+    antenna = state.values[node, POSITION] + (state.world_R_map[node] @ away[:, :, None])[:, :, 0]
+    begins = starts & (np.abs(known_s - t_s[:, None]) > SAME_TIME_S).all(axis=1)
+    goes_on = ~starts & (t_s > last.newest_s + SAME_TIME_S)
+    goes_on &= fixes.fix_class[first] != CLASSES.index(FixClass.RTK_FIX)
+    rows = begins | goes_on
+    return node[rows], fixes.world_p_fix[first][rows] - antenna[rows]
