@@ -181,6 +181,14 @@ def test_down_classed_fixes_show_nothing_of_the_floats():
     assert wrong_fixes == pytest.approx(without, rel=0.3)
 
 
+def test_while_all_floats_are_down_classed_fixes_their_size_stays():
+    drive = DrivingCamera(FRAMES)
+    fixes = down_classed(drive.fixes([FixClass.RTK_FLOAT] * 40, np.zeros((40, 3))), np.ones(40, dtype=bool))
+    known = {FixClass.RTK_FLOAT: 0.1}
+    last = replace(fit(fit_input(drive.seen(), 300, fixes), CONFIG).fused, sizes=known)
+    assert fit(fit_input(drive.seen(), 312, fixes, last), CONFIG).fused.sizes == known
+
+
 def test_a_down_classed_fix_lies_as_far_off_as_floats_of_any_receiver():
     drive, rows = DrivingCamera(FRAMES), np.arange(40) >= 25
     fixes = down_classed(drive.fixes([FixClass.RTK_FLOAT] * 40, np.zeros((40, 3))), rows)

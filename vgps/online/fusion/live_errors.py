@@ -94,7 +94,7 @@ def sizes_in_fit(
     variance = np.diagonal(system.covariances()[node, OFFSET, OFFSET], axis1=1, axis2=2)
     shown = share * [squared, np.maximum(3.0 - np.sum(variance / size_m**2, axis=1), 0.0)]
     sizes = {}
-    for k in np.unique(fix_class).tolist():
+    for k in np.unique(fix_class[~nodes.fixes.down_classed[first]]).tolist():
         name, prior = CLASSES[k], config.offset_errors(CLASSES[k])
         if name is not FixClass.RTK_FIX:
             now = used.get(name, between_receivers(prior))
