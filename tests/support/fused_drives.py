@@ -73,13 +73,16 @@ def fixed_then_float(fixed, floating, offset_m, fixed_again=0):
     return kinds, wrong
 
 
-def fit_input(path, frames, fixes, last=None):
-    """What a fit to the first so many frames of a path starts from."""
-    rows = fixes.t_s <= path.t_s[frames - 1]
+def fit_input(path, frames, fixes, last=None, delay_s=0.0):
+    """What a fit to the first so many frames of a path starts from, if fixes come some time after they were
+    taken."""
+    rows = fixes.t_s <= path.t_s[frames - 1] - delay_s
+    known_s = -np.inf if last is None else last.newest_s - delay_s
     return FitInput(
         path=VideoPath(t_s=path.t_s[:frames], poses=path.poses[:frames], moving=path.moving[:frames]),
         fixes=fixes.where(rows),
         number=np.flatnonzero(rows),
+        is_new=fixes.t_s[rows] > known_s + 1e-6,
         assessment=FixAssessment.unassessed(int(rows.sum())),
         camera_p_antenna=ANTENNA,
         last=last,

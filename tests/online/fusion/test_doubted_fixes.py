@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import DrivingCamera, fit_input, with_class_below
+from fused_drives import INTERVAL_S, DrivingCamera, fit_input, with_class_below
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
@@ -15,6 +15,7 @@ from vgps.online.fusion.fusion_fit import fit, fit_with_verdicts
 CONFIG = Config()
 OUTLIERS = CONFIG.outliers
 KNOWN_M2 = 0.04 * np.eye(3)  # the pose before was known to 0.2 m
+OUTLIER_M2 = (OUTLIERS.outlier_radius_m / (2.0 * np.pi) ** (1.0 / 6.0)) ** 2
 
 
 def rtk_fixes(count=2, kind=FixClass.RTK_FIX):
@@ -36,7 +37,7 @@ def normal(distance_m, variance):
 @pytest.mark.parametrize("moved_m", [0.3, 0.8, 1.0])
 def test_the_probability_is_that_of_bayes(moved_m):
     wrong = OUTLIERS.lower_share * normal(moved_m, 1.04)
-    wrong += OUTLIERS.outlier_share / (2.0 * np.pi * OUTLIERS.outlier_radius_m**3)
+    wrong += OUTLIERS.outlier_share * normal(moved_m, 0.04 + OUTLIER_M2)
     right = (1.0 - OUTLIERS.lower_share - OUTLIERS.outlier_share) * normal(moved_m, 0.04)
     assert probability([moved_m, 0.0, 0.0]) == pytest.approx(wrong / (wrong + right))
 
@@ -53,10 +54,17 @@ def test_far_off_they_are_outliers():
 def test_of_another_class_they_are_outliers_if_they_are_wrong():
     floats = rtk_fixes(kind=FixClass.RTK_FLOAT)
     for moved_m, known_m2 in ((1.0, 0.04 * np.eye(3)), (6.0, np.eye(3))):
-        outlier = OUTLIERS.outlier_share / (2.0 * np.pi * OUTLIERS.outlier_radius_m**3)
+        outlier = OUTLIERS.outlier_share * normal(moved_m, known_m2[0, 0] + OUTLIER_M2)
         right = (1.0 - OUTLIERS.outlier_share) * normal(moved_m, known_m2[0, 0])
         found = wrong_probability(floats, np.array([moved_m, 0.0, 0.0]), known_m2, OUTLIERS)
         assert found == pytest.approx(outlier / (outlier + right))
+
+
+def test_a_path_that_is_hardly_known_makes_them_no_likelier_wrong():
+    for moved_m in (0.0, 3.0, 100.0):
+        moved = np.array([moved_m, 0.0, 0.0])
+        found = wrong_probability(rtk_fixes(), moved, 1e4 * np.eye(3), OUTLIERS)
+        assert found < OUTLIERS.lower_share + OUTLIERS.outlier_share
 
 
 def test_fixes_that_do_not_count_are_not_doubted():
@@ -89,17 +97,19 @@ def test_of_two_doubts_that_counts_which_leaves_more_unsure():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("off_m", [0.0, 2.5])
-def test_rtk_fixes_after_a_while_without_are_doubted_if_the_path_contradicts_them(off_m):
+@pytest.mark.parametrize(("off_m", "delay_s"), [(0.0, 0.0), (2.5, 0.0), (2.5, 0.3)])
+def test_rtk_fixes_after_a_while_without_are_doubted_if_the_path_contradicts_them(off_m, delay_s):
+    """Also if they come later than the last fit."""
     drive = DrivingCamera(400)
     kinds = np.repeat([FixClass.RTK_FIX, FixClass.DGPS, FixClass.RTK_FIX], [20, 8, 12]).tolist()
     wrong = np.where(np.arange(40)[:, None] >= 28, off_m * np.array([0.8, -0.6, 0.0]), 0.0)
     path, fixes = drive.seen(np.random.default_rng(4), share=0.2), with_class_below(drive.fixes(kinds, wrong))
     last = None
+    late = round(delay_s / INTERVAL_S)
     for frames in range(60, 281, 20):
-        last = fit(fit_input(path, frames, fixes, last), CONFIG).fused
+        last = fit(fit_input(path, frames + late, fixes, last, delay_s), CONFIG).fused
     trusting = CONFIG.model_copy(update={"outliers": OUTLIERS.model_copy(update={"enabled": False})})
-    now = fit_input(path, 281, fixes, last)
+    now = fit_input(path, 281 + late, fixes, last, delay_s)
     assert fit(now, trusting).doubt is None  # no verdicts, no doubts
     found = fit(now, CONFIG)
     if not off_m:

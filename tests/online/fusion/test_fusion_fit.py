@@ -10,6 +10,7 @@ from vgps.online.fusion.fusion_fit import fit, fit_with_verdicts, newest_fit
 
 CONFIG = vgps.Config()
 FIRST, AFTER = 305, 312  # frames at the last whole fit and now; there is a fix at frame 310
+DELAY_S = 0.8  # with which the one at frame 300 has come by now, but not by the last fit
 
 
 @pytest.fixture(scope="module", params=[40, 20], ids=["RTK-fix", "RTK-float"])
@@ -21,12 +22,13 @@ def drive(request):
 
 
 @pytest.mark.slow
-def test_new_fixes_count_at_once_as_in_a_whole_fit(drive):
+@pytest.mark.parametrize("delay_s", [0.0, DELAY_S])
+def test_new_fixes_count_at_once_as_in_a_whole_fit(drive, delay_s):
     _, path, fixes = drive
     last = None
     for _ in range(12):  # until the errors that are learned are those in use
-        last = fit(fit_input(path, FIRST, fixes, last), CONFIG).fused
-    now = fit_input(path, AFTER, fixes, last)
+        last = fit(fit_input(path, FIRST, fixes, last, delay_s), CONFIG).fused
+    now = fit_input(path, AFTER, fixes, last, delay_s)
     newest, whole = newest_fit(now, CONFIG), fit(now, CONFIG).fused
     assert newest is not None and len(newest.nodes.t_s) < 6 < len(whole.nodes.t_s)
     ends = [one.to_world(now.path) for one in (newest, whole, last)]
@@ -53,15 +55,26 @@ def test_without_new_fixes_there_is_nothing_to_fit(drive):
     assert newest_fit(fit_input(path, FIRST + 3, fixes, last), CONFIG) is None
 
 
-def test_a_fix_that_surprises_waits_for_its_verdict():
+@pytest.mark.parametrize(("row", "delay_s"), [(31, 0.0), (30, DELAY_S)])
+def test_a_fix_that_surprises_waits_for_its_verdict(row, delay_s):
     drive = DrivingCamera(400)
     kinds, wrong = fixed_then_float(40, 0, np.zeros(3))
-    wrong[31] = [8.0, 5.0, 0.0]
+    wrong[row] = [8.0, 5.0, 0.0]
     path, fixes = drive.seen(), drive.fixes(kinds, wrong)
-    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
-    assert newest_fit(fit_input(path, AFTER, fixes, last), CONFIG) is None
+    last = fit(fit_input(path, FIRST, fixes, None, delay_s), CONFIG).fused
+    now = fit_input(path, AFTER, fixes, last, delay_s)
+    assert newest_fit(now, CONFIG) is None and fit(now, CONFIG).surprising
     trusting = replace(fixes, world_p_fix=fixes.world_p_fix - wrong)
-    assert newest_fit(fit_input(path, AFTER, trusting, last), CONFIG) is not None
+    right = fit_input(path, AFTER, trusting, last, delay_s)
+    assert newest_fit(right, CONFIG) is not None and not fit(right, CONFIG).surprising
+
+
+def test_a_fix_older_than_one_that_was_known_waits_for_a_whole_fit(drive):
+    """As that of a second receiver, which the path since the last known fix does not reach."""
+    _, path, fixes = drive
+    last = fit(fit_input(path, FIRST, fixes), CONFIG).fused
+    now = fit_input(path, AFTER, fixes, last)
+    assert newest_fit(replace(now, is_new=now.is_new | (now.fixes.t_s == 29.0)), CONFIG) is None
 
 
 def test_many_wrong_fixes_in_a_short_time_do_not_outvote_the_good_ones_before():

@@ -3,8 +3,7 @@
 After some seconds without RTK-fixes the verdict on one hangs on how far the video may have drifted, for which
 verdicts allow more than the fit of the live path expects (:mod:`vgps.gps.drift_model`). Where a wrong fix
 explains as well how far the path moved, either may be right. The poses follow the fixes, and their standard
-deviations cover the other case for as long as a receiver may take to find out. Fixes that come later than the
-fit that is compared are not looked at.
+deviations cover the other case for as long as a receiver may take to find out.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +22,6 @@ from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.path_fusion import FusedPath
 from vgps.online.fusion.video_path import VideoPath
 
-_UNLIKELY = 0.05  # probability that standard deviations need not cover
 _LIKELIER = 0.5  # than that they are right
 _BACK = 0.75  # of the way that they moved the path
 
@@ -71,7 +69,7 @@ class Doubt:
 def doubt_about(
     fixes: Fixes, before: FusedPath, now: FusedPath, path: VideoPath, config: Config
 ) -> Doubt | None:
-    """Return the doubt about new fixes; None if they are hardly wrong.
+    """Return the doubt about new fixes; None if they are no likelier wrong than before the path was asked.
 
     Args:
         fixes: Those that the fit before did not know, with their verdicts.
@@ -82,7 +80,7 @@ def doubt_about(
     moved_m = now.moved_from(before, path)
     known_m2 = before.covariance_at_end(path, config)[POSITION, POSITION]
     probability = wrong_probability(fixes, moved_m, known_m2, config.outliers)
-    if probability < _UNLIKELY:
+    if probability <= config.outliers.outlier_share + config.outliers.lower_share:
         return None
     return Doubt(float(path.t_s[-1]), moved_m, probability)
 
@@ -103,13 +101,17 @@ def wrong_probability(
     fixes = fixes.where(fixes.used)
     if not len(fixes):
         return 0.0
+
+    def log_density(size_m: FloatArray) -> float:
+        return float(multivariate_normal.logpdf(moved_m, cov=known_m2 + np.diag(size_m**2)))
+
     lower, outlier = 0.0, config.outlier_share
-    wrong = np.log(outlier) + log_outlier_density(config)
+    # a Gaussian as dense in the middle, since the path may be as far off itself
+    outlier_m = np.full(3, np.exp(-log_outlier_density(config) / 3.0) / np.sqrt(2.0 * np.pi))
+    wrong = np.log(outlier) + log_density(outlier_m)
     fallible = fixes.where(np.isfinite(fixes.lower_r_m) & ~fixes.down_classed)
     if len(fallible):
         lower = config.lower_share
         size_m = region_sigmas(replace(fallible, r_m=fallible.lower_r_m, h_m=fallible.lower_h_m))[-1]
-        as_lower = multivariate_normal.logpdf(moved_m, cov=known_m2 + np.diag(size_m**2))
-        wrong = np.logaddexp(wrong, np.log(lower) + as_lower)
-    right = np.log(1.0 - lower - outlier) + multivariate_normal.logpdf(moved_m, cov=known_m2)
-    return float(expit(wrong - right))
+        wrong = np.logaddexp(wrong, np.log(lower) + log_density(size_m))
+    return float(expit(wrong - np.log(1.0 - lower - outlier) - log_density(np.zeros(3))))

@@ -44,17 +44,26 @@ class FitResult:
 class FitInput:
     """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical.
 
-    ``asks_displacements``: whether to ask them for the time offset once the fit is found.
+    ``is_new``: (M,) which fixes the last fit did not know; they come after it, but may be of a time before
+    its end. ``asks_displacements``: whether to ask them for the time offset once the fit is found.
     """
 
     path: VideoPath
     fixes: Fixes
     number: IntArray
+    is_new: BoolArray
     assessment: FixAssessment
     camera_p_antenna: FloatArray
     last: FusedPath | None
     gravity: Gravity | None = None
     asks_displacements: bool = False
+
+    @property
+    def since_s(self) -> float:
+        """Time after which there is something new."""
+        newest_s = -np.inf if self.last is None else self.last.newest_s
+        first_s = float(self.fixes.t_s[self.is_new].min(initial=np.inf))
+        return min(newest_s + SAME_TIME_S, first_s - SAME_TIME_S)
 
 
 def fit(given: FitInput, config: Config) -> FitResult:
@@ -62,7 +71,7 @@ def fit(given: FitInput, config: Config) -> FitResult:
     fixes = given.assessment.applied(given.fixes)
     fused = _learning_fit(given, fixes, config)
     surprising = detects_outliers(config) and (
-        given.last is None or fused.surprise(given.last, given.path, config) > _SURPRISE
+        given.last is None or fused.surprise(given.last, given.since_s, given.path, config) > _SURPRISE
     )
     if surprising:
         return FitResult(fused, given.number, given.assessment, surprising=True)
@@ -73,15 +82,16 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
     """Return a fit to the fixes that came since the last fit, of the path since its last fix.
 
     It takes a fraction of the time of a whole fit, so that a pose need not go without them. Returns None if
-    there are none, or if they call for verdicts.
+    there are none, if one of them is older than that, or if they call for verdicts.
     """
-    fixes, last, end_s = given.assessment.applied(given.fixes), given.last, given.path.t_s[-1]
+    fixes, last = given.assessment.applied(given.fixes), given.last
     assert last is not None
-    if not (fixes.used & (fixes.t_s > last.newest_s + SAME_TIME_S) & (fixes.t_s <= end_s)).any():
+    begin_s, new_s = float(last.nodes.t_s[last.last_fix]), fixes.t_s[fixes.used & given.is_new]
+    if not len(new_s) or new_s.min() <= begin_s + SAME_TIME_S:
         return None
-    path = given.path.since(float(last.nodes.t_s[last.last_fix]))
+    path = given.path.since(begin_s)
     fused = fuse(path, fixes, given.camera_p_antenna, _as_learned(config, last), last, given.gravity)
-    if detects_outliers(config) and fused.surprise(last, path, config) > _SURPRISE:
+    if detects_outliers(config) and fused.surprise(last, given.since_s, path, config) > _SURPRISE:
         return None
     return fused
 
@@ -107,8 +117,8 @@ def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config
     path, fixes, last = given.path, assessment.applied(given.fixes), given.last
     result = FitResult(fused, given.number, assessment)
     if last is not None and detects_outliers(config):
-        new = fixes.where(fixes.t_s > last.newest_s + SAME_TIME_S)
-        result = replace(result, doubt=doubt_about(new, last, fused, path, config))
+        doubt = doubt_about(fixes.where(given.is_new), last, fused, path, config)
+        result = replace(result, doubt=doubt)
     if not given.asks_displacements:
         return result
     world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset

@@ -281,10 +281,12 @@ class LiveFusion:
         fix_buffer, path = self._frame_pipeline.fix_buffer, self._path(current)
         fixes = fix_buffer.fixes.without_clock_rate(fix_buffer.sensors).without_time_offset(self._known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
+        number = fix_buffer.number[rows]
         return FitInput(
             path=path.snapshot(),
             fixes=fixes.where(rows),
-            number=fix_buffer.number[rows],
+            number=number,
+            is_new=np.isin(number, [] if self._latest is None else self._latest.number, invert=True),
             assessment=fix_buffer.assessment.where(rows),
             camera_p_antenna=fix_buffer.sensors.prior_antenna,
             last=self._fused,

@@ -112,11 +112,11 @@ class FusedPath:
         out[:, :3, 3] = (1.0 - share) * placed(before) + share * placed(after)
         return out
 
-    def surprise(self, last: "FusedPath", path: VideoPath, config: Config) -> float:
-        """Return the largest squared deviation, in sigmas, of what is new since the last fit: noise, walk and
-        bound of offsets, and the correction of the newest position."""
+    def surprise(self, last: "FusedPath", since_s: float, path: VideoPath, config: Config) -> float:
+        """Return the largest squared deviation, in sigmas, of what is new after a time since the last fit:
+        noise, walk and bound of offsets, and the correction of the newest position."""
         deviations = squared_deviations(self.nodes, self.state)
-        new = [d[t_s > last.newest_s + SAME_TIME_S].max(initial=0.0) for t_s, d in deviations]
+        new = [d[t_s > since_s].max(initial=0.0) for t_s, d in deviations]
         moved_m = self.moved_from(last, path)
         covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
         return float(max(*new, moved_m @ np.linalg.solve(covariance, moved_m)))
@@ -260,7 +260,7 @@ def _new_offsets(nodes: FusionNodes, state: FusionState, last: FusedPath) -> tup
     away = np.exp(state.values[node, SCALE])[:, None] * fixes.step[first] + fixes.arm[first]
     antenna = state.values[node, POSITION] + (state.world_R_map[node] @ away[:, :, None])[:, :, 0]
     begins = starts & (np.abs(known_s - t_s[:, None]) > SAME_TIME_S).all(axis=1)
-    goes_on = ~starts & (t_s > last.newest_s + SAME_TIME_S)
+    goes_on = ~starts & (t_s > last.nodes.t_s[last.last_fix] + SAME_TIME_S)
     goes_on &= fixes.fix_class[first] != CLASSES.index(FixClass.RTK_FIX)
     rows = begins | goes_on
     return node[rows], fixes.world_p_fix[first][rows] - antenna[rows]
