@@ -14,7 +14,7 @@ import numpy as np
 
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
-from scripts.common.live_runs import run_live, score, truth_of
+from scripts.common.live_runs import add_delay, run_live, score, truth_of
 from scripts.common.markdown import LiveTable
 from vgps.evaluation import evaluate
 from vgps.model import Recording
@@ -50,7 +50,7 @@ def one_run(folder: Path, gps: str, given: argparse.Namespace, seed: int) -> dic
         VgpsError: The recording or its truth cannot be read.
     """
     recording = vgps.open_recording(folder, gps=gps, imu=given.imu, rig=given.rig)
-    found = score(recording, truth_of(recording), run_live(recording, seed))
+    found = score(recording, truth_of(recording), run_live(recording, seed, given.delay_s))
     found["offline_mean_m"] = offline_mean_m(recording, seed) if given.offline else np.nan
     imu = " with IMU" if recording.imu is not None else ""
     measures = {name: found[name] for name in list(COLUMNS)[2:]}
@@ -67,6 +67,7 @@ def main() -> None:
     parser.add_argument("--imu", help="log of an IMU; a path, or a name inside the recordings")
     parser.add_argument("--rig", help="rig.yaml with its mounting; likewise")
     parser.add_argument("--offline", action="store_true", help="run `vgps smooth` too")
+    add_delay(parser)
     add_seeds(parser, 1)
     given = parser.parse_args()
     with parser.refusals():

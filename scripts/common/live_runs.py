@@ -5,7 +5,10 @@ within a tenth of that of the offsets of fixes. NEES is the squared error over t
 are honest.
 """
 
+import argparse
 import threading
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +25,8 @@ from vgps.model import FixClass, FloatArray, Recording
 from vgps.online import OnlineEstimate, OnlineSmoother
 from vgps.online.delay import DelayedEstimates
 from vgps.online.replay import replay
-from vgps.online.run import run_online
+from vgps.online.run import FeedItem, TimedImage, run_online
+from vgps.readers.gps_formats.fixes import Fix
 
 CERTAIN_M, WITHIN = 1.0, 1.1
 LATER_S = 1.0
@@ -86,8 +90,22 @@ class LiveRun:
     later: list[OnlineEstimate]
 
 
-def run_live(recording: Recording, seed: int) -> LiveRun:
-    """Return the estimates of a run."""
+def delayed_fixes(feed: Iterable[FeedItem], delay_s: float) -> Iterator[FeedItem]:
+    """Yield a feed whose fixes come some time after they were taken: before the first frame from then on."""
+    waiting = deque[Fix]()
+    for item in feed:
+        if isinstance(item, Fix):
+            waiting.append(item)
+            continue
+        if isinstance(item, TimedImage):
+            while waiting and waiting[0].t_s + delay_s <= item.t_s:
+                yield waiting.popleft()
+        yield item
+    yield from waiting
+
+
+def run_live(recording: Recording, seed: int, delay_s: float = 0.0) -> LiveRun:
+    """Return the estimates of a run whose fixes come so much later than they were taken."""
     smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed), imu=recording.imu)
     delayed, run, stop = DelayedEstimates(smoother, LATER_S), LiveRun([], []), threading.Event()
 
@@ -95,9 +113,15 @@ def run_live(recording: Recording, seed: int) -> LiveRun:
         run.estimates.append(estimate)
         run.later.extend(one for one, _ in delayed.add(estimate, 0.0))
 
-    run_online(replay(recording, stop), smoother, sink, stop)
+    run_online(delayed_fixes(replay(recording, stop), delay_s), smoother, sink, stop)
     run.later.extend(one for one, _ in delayed.rest())
     return run
+
+
+def add_delay(parser: argparse.ArgumentParser) -> None:
+    """Add ``--delay-s``, with which fixes come."""
+    help_text = "seconds from when a fix is taken until it comes, as receivers need 0.1 to 0.5"
+    parser.add_argument("--delay-s", type=float, default=0.0, help=help_text)
 
 
 def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:

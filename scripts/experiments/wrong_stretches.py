@@ -20,7 +20,7 @@ import numpy as np
 import vgps
 from scripts.common.command import ScriptParser, add_seeds
 from scripts.common.drives import Drive, open_drive
-from scripts.common.live_runs import run_live, score, truth_of
+from scripts.common.live_runs import add_delay, run_live, score, truth_of
 from scripts.common.markdown import LiveTable
 from scripts.common.replayed_errors import REPLAYED, make_errors
 from vgps.errors import GpsLogError
@@ -73,10 +73,10 @@ def row(drive: Drive, log: GpsLog, wrong: BoolArray, seed: int) -> dict[str, Any
     }
 
 
-def live_row(drive: Drive, log: GpsLog, seed: int) -> dict[str, Any]:
+def live_row(drive: Drive, log: GpsLog, seed: int, delay_s: float = 0.0) -> dict[str, Any]:
     """Run a recording with a log live; return the errors of poses as they came."""
     recording = replace(drive.recording, gps=log)
-    found = score(recording, truth_of(recording), run_live(recording, seed))
+    found = score(recording, truth_of(recording), run_live(recording, seed, delay_s))
     return {f"live_{key}": found[key] for key in LIVE}
 
 
@@ -101,7 +101,7 @@ def rows(given: argparse.Namespace, scratch: Path) -> Iterator[dict[str, Any]]:
                     "seed": seed,
                     "rate_hz": rate_hz,
                     **row(drive, few, wrong[chosen], seed),
-                    **(live_row(drive, few, seed) if given.live else {}),
+                    **(live_row(drive, few, seed, given.delay_s) if given.live else {}),
                 }
 
 
@@ -118,6 +118,7 @@ def arguments(parser: ScriptParser) -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=8.0, help="duration of the wrong stretch")
     parser.add_argument("--rates", nargs="+", type=float, default=[1.0, 10.0], help="fixes a second")
     parser.add_argument("--live", action="store_true", help="run `vgps online` too")
+    add_delay(parser)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the recordings")
     add_seeds(parser, 2)
     return parser.parse_args()

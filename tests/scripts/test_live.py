@@ -10,6 +10,8 @@ import pytest
 from scripts.benchmarks import live
 from scripts.common import live_runs
 from vgps.model import FixClass
+from vgps.online.run import TimedImage
+from vgps.readers.gps_formats.fixes import Fix
 
 
 @pytest.mark.slow
@@ -28,6 +30,17 @@ def test_each_log_has_a_row(brief, tmp_path, monkeypatch, capsys):
 def recorded(classes):
     gps = SimpleNamespace(t_s=np.arange(len(classes)) + 0.5, fix_class=classes)
     return SimpleNamespace(gps=gps, video=SimpleNamespace(times_s=np.arange(8.0)))
+
+
+def test_fixes_come_before_the_first_frame_after_their_delay():
+    frames = [TimedImage(t_s, np.zeros((1, 1), np.uint8), 0.0) for t_s in (0.0, 0.1, 0.2, 0.3, 0.4)]
+    fixes = [Fix(t_s, 0.0, 0.0, 0.0, FixClass.SINGLE, 1) for t_s in (0.05, 0.15)]
+    feed = sorted([*frames, *fixes], key=lambda one: one.t_s)
+    at_once = [one.t_s for one in live_runs.delayed_fixes(feed, 0.0)]
+    assert at_once == [one.t_s for one in feed] == [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4]
+    later = [one.t_s for one in live_runs.delayed_fixes(feed, 0.2)]
+    assert later == [0.0, 0.1, 0.2, 0.05, 0.3, 0.15, 0.4]
+    assert [one.t_s for one in live_runs.delayed_fixes(feed, 0.3)][-2:] == [0.4, 0.15]
 
 
 def test_errors_count_from_the_first_certain_pose():
