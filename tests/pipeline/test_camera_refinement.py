@@ -16,6 +16,7 @@ from textured_room import path, room_gps_log, room_recording
 import vgps
 from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.config import CameraCalibrationConfig
+from vgps.errors import GeometryError
 from vgps.evaluation import evaluate
 from vgps.model import CameraGuess
 from vgps.pipeline import offline
@@ -76,6 +77,23 @@ def test_stages_run_again_until_a_camera_is_near_the_one_they_began_with(monkeyp
     monkeypatch.setattr(offline, "with_found_camera", lambda given, *_: given)
     offline.smooth(recording, vgps.Config())
     assert begun == [720.0, *found_px[:-1]]
+
+
+@pytest.mark.slow
+def test_a_run_that_fails_with_the_camera_that_was_found_leaves_the_one_before(monkeypatch, room):
+    recording, true = room
+    recording = replace(recording, guesses=(guess_of(recording.camera),))
+
+    def run(run, *_):
+        if run.recording is recording:
+            return replace(true, camera=replace(true.camera, fx=2.0 * true.camera.fx)), run
+        raise GeometryError("no map could be started")
+
+    monkeypatch.setattr(offline, "_smoothed", run)
+    monkeypatch.setattr(offline, "with_found_camera", lambda given, *_: given)
+    kept = offline.smooth(recording, vgps.Config())
+    assert np.array_equal(kept.world_T_camera, true.world_T_camera, equal_nan=True)
+    assert kept.warnings[-1].endswith("of the camera gave no path: no map could be started")
 
 
 def guess_of(camera):

@@ -12,6 +12,7 @@ import vgps
 from vgps.config import RollingShutterConfig
 from vgps.errors import GeometryError
 from vgps.model import Recording
+from vgps.pipeline import offline
 from vgps.pipeline.front_end import run_front_end
 from vgps.pipeline.readout_probe import ReadoutProbe, is_confirmed, readout_probe, with_readout_seen
 from vgps.runtime.progress import NoProgress
@@ -55,6 +56,27 @@ def test_it_looks_until_the_motion_shows_the_shutter(monkeypatch, recording) -> 
     assert looks == [60, 120, 240] and probe.found is ROLLS
     looks, probe = looked_at(monkeypatch, recording, BLIND, GLOBAL)
     assert looks == [60, 120] and probe.found is None
+
+
+def test_a_rolling_shutter_that_leaves_no_path_is_forgotten(monkeypatch, recording) -> None:
+    _, probe = looked_at(monkeypatch, recording, ROLLS)
+    begun: list[float | None] = []
+
+    class ThirdRunError(Exception):
+        """It is not stopped any more."""
+
+    def front_end(recording: Recording, *_: object) -> None:
+        begun.append(recording.camera.readout_s)
+        if len(begun) == 2:
+            raise GeometryError("no map could be started")
+        if len(begun) == 3:
+            raise ThirdRunError
+
+    monkeypatch.setattr(offline, "run_front_end", front_end)
+    monkeypatch.setattr(offline, "readout_probe", lambda *_: probe)
+    with pytest.raises(ThirdRunError):
+        offline.smooth(recording, vgps.Config())
+    assert begun == [None, ROLLS.readout_s, None]
 
 
 def test_a_camera_that_has_not_moved_yet_is_looked_at_later(recording) -> None:

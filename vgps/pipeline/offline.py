@@ -1,10 +1,12 @@
 """Offline smoothing: stages A to C over the whole video, then D over everything."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vgps.config import Config
+from vgps.errors import GeometryError
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.model import Recording
@@ -60,7 +62,12 @@ def smooth(
             better = _better(run, solution, share)
             if better.recording is run.recording:
                 break
-            solution, run = _smoothed(better, progress)
+            try:
+                solution, run = _smoothed(better, progress)
+            except (GeometryError, np.linalg.LinAlgError) as error:  # the run before had a path
+                note = f"another run with what this one shows of the camera gave no path: {error}"
+                solution = replace(solution, warnings=(*solution.warnings, note))
+                break
     # a resumed run has the seconds of stages that an earlier process ran
     rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
     seconds = {**solution.seconds, "rest": rest_s}
@@ -99,8 +106,11 @@ def _smoothed(
     front_end = run_front_end(recording, config, progress, checkpoint, probe)  # stages A, B and C
     if probe is not None and probe.found is not None:
         progress.stage("from the first frame again, with the rolling shutter that was seen")
-        rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
-        return rolling if is_confirmed(rolling[0], config) else _smoothed(run, progress)
+        with suppress(GeometryError, np.linalg.LinAlgError):  # one that is not there may leave no path
+            rolling = _smoothed(_Run(*with_readout_seen(recording, config, probe.found.readout_s)), progress)
+            if is_confirmed(rolling[0], config):
+                return rolling
+        return _smoothed(run, progress)
     journal = None if checkpoint is None else checkpoint.journal
     front_end = with_inertial_start(replace(front_end, journal=journal), config, progress)
     front_end, config = with_right_clock(front_end, config, progress)
