@@ -10,6 +10,7 @@ from vgps.gps.learned_errors import with_errors
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.online.fusion.clock_profile import profiled_time_offset
 from vgps.online.fusion.clock_watch import shown_time_offset
 from vgps.online.fusion.doubted_fixes import Doubt, doubt_about
 from vgps.online.fusion.gravity import Gravity
@@ -28,8 +29,8 @@ class FitResult:
     """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
 
     ``surprising``: whether its newest fixes call for verdicts. ``shown``: the rest of the time offset, where
-    displacements contradict the fit, if they were asked. ``doubt``: about new fixes that the last fit
-    contradicts.
+    displacements or fits with another one contradict this fit, if it was looked for. ``doubt``: about new
+    fixes that the last fit contradicts.
     """
 
     fused: FusedPath
@@ -45,7 +46,7 @@ class FitInput:
     """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical.
 
     ``is_new``: (M,) which fixes the last fit did not know; they come after it, but may be of a time before
-    its end. ``asks_displacements``: whether to ask them for the time offset once the fit is found.
+    its end. ``watches_clock``: whether to look for another time offset once the fit is found.
     """
 
     path: VideoPath
@@ -56,7 +57,7 @@ class FitInput:
     camera_p_antenna: FloatArray
     last: FusedPath | None
     gravity: Gravity | None = None
-    asks_displacements: bool = False
+    watches_clock: bool = False
 
     @property
     def since_s(self) -> float:
@@ -119,10 +120,14 @@ def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config
     if last is not None and detects_outliers(config):
         doubt = doubt_about(fixes.where(given.is_new), last, fused, path, config)
         result = replace(result, doubt=doubt)
-    if not given.asks_displacements:
+    if not given.watches_clock:
         return result
     world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset
-    return replace(result, shown=shown_time_offset(path, world, fixes, antenna, believed, config.sensors))
+    shown = shown_time_offset(path, world, fixes, antenna, believed, config.sensors)
+    if shown is None:
+        used = _as_learned(config, fused)
+        shown = profiled_time_offset(path, fixes, antenna, fused, used, given.gravity)
+    return replace(result, shown=shown)
 
 
 def _judged(count: int) -> BoolArray:

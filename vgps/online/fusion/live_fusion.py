@@ -106,7 +106,7 @@ class LiveFusion:
             return
         self._begin(current)
         self._finish()
-        if self._fused is None:  # displacements contradicted that fit, or there was none
+        if self._fused is None:  # another clock was found, or there was no fit
             self._begin(current)
             self._finish()
 
@@ -130,7 +130,7 @@ class LiveFusion:
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
         self._heed(result.doubt)
-        if given.asks_displacements and (shown := self._clock_watch.confirmed(result.shown)):
+        if given.watches_clock and (shown := self._clock_watch.confirmed(result.shown)):
             self._known_s += shown.time_offset_s  # the next fit begins anew; till then this one places frames
             self._latest, self._doubt = None, None
 
@@ -296,5 +296,5 @@ class LiveFusion:
     def _begin(self, current: LocalMap) -> None:
         t_s = self._frame_pipeline.t_s
         self._seen = SeenByFit.of(current, len(t_s), self._fix_count())
-        asks = self._clock_watch.is_due(float(t_s[-1] - t_s[current.first_frame]))
-        self._start(fit, replace(self._given(current), asks_displacements=asks), FIT_S)
+        due = self._clock_watch.is_due(float(t_s[-1] - t_s[current.first_frame]))
+        self._start(fit, replace(self._given(current), watches_clock=due), FIT_S)
