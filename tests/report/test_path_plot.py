@@ -23,6 +23,19 @@ def test_distant_fixes_do_not_shrink_the_plot_and_are_counted(solution):
     assert limits[0] == pytest.approx(limits[1], abs=100.0)
 
 
+def test_the_plot_holds_regions_but_not_those_much_larger_than_the_path(solution):
+    def limits(r_m):
+        table = replace(solution.fixes, r_m=np.full(len(solution.fixes.r_m), r_m))
+        above = path_plot(replace(solution, fixes=table)).axes[0]
+        return np.array([above.get_xlim(), above.get_ylim()])
+
+    fixes = solution.fixes.world_p_fix[:, :2]
+    r_m = 0.2 * float(np.ptp(fixes, axis=0).max())
+    assert (limits(r_m)[:, 0] <= fixes.min(axis=0) - r_m).all()
+    assert (limits(r_m)[:, 1] >= fixes.max(axis=0) + r_m).all()
+    assert np.ptp(limits(100.0 * r_m), axis=1).max() < 2.0 * np.ptp(limits(r_m), axis=1).max()
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.5 * np.pi])
 def test_the_plot_of_a_straight_path_is_neither_flat_nor_tall(solution, turn):
     poses = solution.world_T_camera.copy()

@@ -129,14 +129,16 @@ def _plot_side(axes: Axes, solution: Solution) -> None:
 
 
 def _box(solution: Solution) -> tuple[FloatArray, FloatArray]:
-    """Return corners (2,) around the path and the fixes near it, with an aspect ratio that suits a page."""
+    """Return corners (2,) around the path and the regions of the fixes near it, with an aspect ratio that
+    suits a page."""
     around = solution.world_T_camera[:, :2, 3]
     low, high = around.min(axis=0), around.max(axis=0)
     reach = max(0.25 * float((high - low).max()), 5.0 if solution.georeferenced else 0.0)
     if solution.fixes is not None:
         fixes = solution.fixes.world_p_fix[:, :2]
         near = ((fixes > low - reach) & (fixes < high + reach)).all(axis=1)
-        around = np.vstack([around, fixes[near]])
+        r_m = np.minimum(np.nan_to_num(solution.fixes.r_m[near, None]), reach)
+        around = np.vstack([around, fixes[near] - r_m, fixes[near] + r_m])
     low, high = around.min(axis=0), around.max(axis=0)
     half = 0.54 * (high - low) + 1e-3
     wide = max(half[0], half[1] * _WIDTH / _MAX_HEIGHT)
