@@ -7,7 +7,7 @@ from fused_drives import ANTENNA, DrivingCamera, fit_input, fixed_then_float
 from vgps.config import Config
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FixClass
-from vgps.online.fusion import fusion_fit
+from vgps.online.fusion import clock_profile, fusion_fit
 from vgps.online.fusion.clock_profile import profiled_time_offset
 from vgps.online.fusion.live_time_offset import LiveTimeOffset
 from vgps.online.fusion.path_fusion import fuse
@@ -61,6 +61,18 @@ def test_what_the_fit_knows_as_well_is_not_looked_for():
     assert profiled(0.25, believed=LiveTimeOffset(0.25, 0.2, 0.2)) is None
     held = Config.model_validate({"sensors": {"estimate_time_offset": "no"}})
     assert profiled(0.25, config=held) is None
+
+
+def test_a_fit_that_fails_tells_nothing(monkeypatch):
+    drive = DrivingCamera(40)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 4, np.zeros((4, 3)))
+    fused = replace(fuse(drive.seen(), fixes, ANTENNA, CONFIG, None), time_offset=UNSURE)
+
+    def fails(*_):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(clock_profile, "fuse", fails)
+    assert profiled_time_offset(drive.seen(), fixes, ANTENNA, fused, CONFIG) is None
 
 
 def test_a_straight_tells_nothing():

@@ -48,7 +48,10 @@ def profiled_time_offset(
         found = fuse(path, fixes, camera_p_antenna, config, replace(fused, time_offset=held), gravity)
         return cost(found.nodes, found.state, found.prior)
 
-    costs = np.array([cost_at(float(value_s)) for value_s in values])
+    try:
+        costs = np.array([cost_at(float(value_s)) for value_s in values])
+    except np.linalg.LinAlgError:  # the given fit has been found
+        return None
     best = int(np.clip(np.argmin(costs), 1, _VALUES - 2))
     before, least, after = costs[best - 1 : best + 2]
     curvature = (before - 2.0 * least + after) / step_s**2
