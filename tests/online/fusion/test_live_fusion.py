@@ -168,7 +168,7 @@ def test_sigmas_cover_that_fixes_are_wrong_which_the_path_before_contradicts_unt
         if len(pipeline.t_s) > 20:
             found.append((pipeline.error_m(), np.linalg.norm(pipeline.fusion.sigmas().position_m)))
     error_m, sigma_m = np.array(found).T
-    assert len(pipeline.warnings) == 1 and "fixes at 28.0 s" in pipeline.warnings[0]
+    assert len(pipeline.warnings) == 1 and "fixes that came by 28.0 s" in pipeline.warnings[0]
     assert error_m.max() > 2.5 and (error_m < 2.0 * sigma_m + 0.1).all()
     assert error_m[-1] < 0.1 and sigma_m[-1] < 0.3
 

@@ -44,8 +44,8 @@ class Doubt:
     def note(self) -> str:
         """What the user should know of it."""
         return (
-            f"fixes at {self.since_s:.1f} s lie {np.linalg.norm(self.moved_m):.1f} m off the path before "
-            f"them, by which they are wrong with p = {self.probability:.3g}; their verdicts say otherwise: "
+            f"fixes that came by {self.since_s:.1f} s lie {np.linalg.norm(self.moved_m):.1f} m off the path "
+            f"before, by which they are wrong with p = {self.probability:.3g}; their verdicts say otherwise: "
             "the poses follow them, and the standard deviations cover both"
         )
 
