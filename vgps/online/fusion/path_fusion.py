@@ -252,7 +252,7 @@ def _continue(nodes: FusionNodes, last: FusedPath) -> FusionState:
 
 
 def _new_offsets(nodes: FusionNodes, state: FusionState, last: FusedPath) -> tuple[IntArray, FloatArray]:
-    """Return the nodes (K,) where offsets begin that the last fit has not, or have new fixes, and what these
+    """Return the nodes (K,) where new offsets begin, or old ones have new fixes, and by how much these fixes
     differ from the path (K, 3)."""
     fixes, known_s = nodes.fixes, last.nodes.t_s[last.nodes.starts]
     node, first = np.unique(fixes.node, return_index=True)
