@@ -323,8 +323,8 @@ def test_a_certain_offset_counts_before_a_likelier_one_and_errors_without_memory
     assert plain(found(certain, Config())) == plain(shown)
     likely, notes = found(uncertain, Config())
     assert likely.by_displacements is not None
-    looked_at = plain((replace(likely, by_displacements=None), notes))
-    assert looked_at == plain(likelier(uncertain)) != plain((SENSORS, ()))
+    found_likely = replace(likely, by_displacements=None), notes
+    assert plain(found_likely) == plain(likelier(uncertain)) != plain((SENSORS, ()))
     none, notes = found(uncertain, independent)
     assert (none.time_offset_s, none.prior_time_offset, notes) == (0.0, SENSORS.prior_time_offset, ())
 

@@ -30,8 +30,8 @@ def profiled_time_offset(
     config: Config,
     gravity: Gravity | None = None,
 ) -> TimeOffset | None:
-    """Return the rest of the time offset that fits at several of them prefer; None if the given one knows it
-    as well, or if clocks may agree.
+    """Return the rest of the time offset that fits at several of them prefer; None if the given fit knows it
+    as well, or if it is likelier that clocks agree.
 
     Args:
         path, fixes, camera_p_antenna, config, gravity: As in :func:`~vgps.online.fusion.path_fusion.fuse`.
@@ -61,6 +61,6 @@ def profiled_time_offset(
     information = float(curvature) + prior.sigma_s**-2.0
     shown = TimeOffset(float(vertex_s * curvature) / information, information**-0.5)
     likely = believed_time_offset(shown, config.sensors)
-    if abs(likely.time_offset_s - believed.time_offset_s) <= likely.sigma_s:
+    if not likely.time_offset_s or abs(likely.time_offset_s - believed.time_offset_s) <= likely.sigma_s:
         return None
-    return TimeOffset(shown.time_offset_s, likely.sigma_s) if likely.time_offset_s else None
+    return TimeOffset(shown.time_offset_s, likely.sigma_s)  # its mean is drawn to clocks that agree

@@ -59,22 +59,12 @@ class FitInput:
     gravity: Gravity | None = None
     watches_clock: bool = False
 
-    @property
-    def since_s(self) -> float:
-        """Time after which there is something new."""
-        newest_s = -np.inf if self.last is None else self.last.newest_s
-        first_s = float(self.fixes.t_s[self.is_new].min(initial=np.inf))
-        return min(newest_s + SAME_TIME_S, first_s - SAME_TIME_S)
-
 
 def fit(given: FitInput, config: Config) -> FitResult:
     """Return the fit to all fixes but those rejected before."""
     fixes = given.assessment.applied(given.fixes)
     fused = _learning_fit(given, fixes, config)
-    surprising = detects_outliers(config) and (
-        given.last is None or fused.surprise(given.last, given.since_s, given.path, config) > _SURPRISE
-    )
-    if surprising:
+    if _surprises(fused, given, given.path, config):
         return FitResult(fused, given.number, given.assessment, surprising=True)
     return _result(given, given.assessment, fused, config)
 
@@ -92,9 +82,7 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
         return None
     path = given.path.since(begin_s)
     fused = fuse(path, fixes, given.camera_p_antenna, _as_learned(config, last), last, given.gravity)
-    if detects_outliers(config) and fused.surprise(last, given.since_s, path, config) > _SURPRISE:
-        return None
-    return fused
+    return None if _surprises(fused, given, path, config) else fused
 
 
 def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
@@ -112,6 +100,17 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
         assessment = assessment.updated(_with_fixes_between(found, given.fixes))
     fused = _learning_fit(given, assessment.applied(given.fixes), config)
     return _result(given, assessment, fused, config)
+
+
+def _surprises(fused: FusedPath, given: FitInput, path: VideoPath, config: Config) -> bool:
+    """Return whether what is new in a fit of a path, or of its end, calls for verdicts."""
+    if not detects_outliers(config):
+        return False
+    if (last := given.last) is None:
+        return True
+    first_s = given.fixes.t_s[given.is_new].min(initial=np.inf)
+    since_s = min(last.newest_s + SAME_TIME_S, float(first_s) - SAME_TIME_S)
+    return fused.surprise(last, since_s, path, config) > _SURPRISE
 
 
 def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config: Config) -> FitResult:
