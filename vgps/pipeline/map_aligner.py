@@ -31,6 +31,6 @@ class MapAligner:
         result = align_to_control(local_map, self._control_poses, config.start.min_control_travel_m)
         view_before = max(int(local_map.view_frames[-2]), 0)  # frames that stand add no view
         if result is None and fix_buffer.has_new(float(t_s[view_before]), float(t_s[-1])):
-            antenna = fix_buffer.sensors.prior_antenna
-            return align_to_fixes(local_map, fix_buffer.corrected, antenna, config)
+            antenna, sigma_m = fix_buffer.sensors.prior_antenna, fix_buffer.sensors.antenna_sigma_m
+            return align_to_fixes(local_map, fix_buffer.corrected, antenna, config, sigma_m)
         return result

@@ -7,7 +7,12 @@ from scipy.spatial.transform import Rotation
 from vgps.config import StartConfig
 from vgps.gps.fixes import place
 from vgps.mapping.map_update import Similarity
-from vgps.smoothing.alignment.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
+from vgps.smoothing.alignment.alignment_sigmas import (
+    AlignmentSigmas,
+    alignment_sigmas,
+    antenna_covariances,
+    jackknife_sigmas,
+)
 from vgps.smoothing.alignment.similarity import Correspondences, _moved, align, covariance, linearise
 
 CONFIG = StartConfig()
@@ -183,6 +188,26 @@ def test_sigmas_grow_as_the_path_shrinks():
     assert sigmas.scale == pytest.approx(0.04, rel=0.15) and sigmas.within(CONFIG)
     sigmas = alignment_sigmas(seen, SAME, np.tile(0.06**2 * np.eye(12), (3, 1, 1)), CONFIG)
     assert not sigmas.within(CONFIG) and str(sigmas).startswith("scale 8%, heading 4 degrees, tilt ")
+
+
+def test_an_unknown_lever_arm_counts_where_the_camera_turns():
+    """A quarter turn to the right: what was an error to the east is one to the south then."""
+    world = drive(np.pi / 2.0)
+    seen = seen_by(world, antennas(world), 0.07)
+    errors = antenna_covariances(seen, SAME, 2.0)
+    for axis, end in zip(range(3), (0.0, 0.0, 4.0), strict=True):
+        np.testing.assert_allclose(np.diagonal(errors[axis]), 4.0)
+        assert errors[axis, 0, -1] == pytest.approx(end, abs=1e-9)
+    noise = np.tile(0.01**2 * np.eye(len(seen)), (3, 1, 1))
+    straight = seen_by(drive(0.0), antennas(drive(0.0)), 0.07)
+    known, unknown, carried = (
+        alignment_sigmas(one, SAME, noise + antenna_covariances(one, SAME, sigma_m), CONFIG)
+        for one, sigma_m in ((seen, 0.0), (seen, 1.0), (straight, 1.0))
+    )
+    assert unknown.heading_rad > 5.0 * known.heading_rad
+    assert carried.heading_rad < 2.0 * known.heading_rad
+    # a metre that swings by a quarter turn, 1.4 m, along an arc of 36 m from end to end
+    assert unknown.heading_rad == pytest.approx(1.4 / 36.0, rel=0.3)
 
 
 def test_what_nothing_determines_is_unknown():

@@ -60,6 +60,20 @@ def alignment_sigmas(
     return AlignmentSigmas(float(scale), float(heading), float(tilt))
 
 
+def antenna_covariances(seen: Correspondences, at: Similarity, sigma_m: float) -> FloatArray:
+    """Return the covariances (3, M, M) of fixes along east, north, up by a lever arm that is not known.
+
+    A camera that does not turn carries it along; one that turns swings the antenna about itself.
+
+    Args:
+        seen: Fixes and camera poses.
+        at: Their alignment.
+        sigma_m: Standard deviation of the lever arm on each axis.
+    """
+    axes = at.world_R_map @ seen.map_T_camera[:, :3, :3]
+    return np.asarray(sigma_m**2 * np.einsum("iac,jac->aij", axes, axes))
+
+
 def jackknife_sigmas(seen: Correspondences, at: Similarity, config: StartConfig) -> AlignmentSigmas:
     """Return the standard deviations by leaving out each part of the path in turn (Tukey's jackknife).
 

@@ -13,7 +13,12 @@ from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
 from vgps.mapping.trajectory import map_trajectory
 from vgps.model import FloatArray
-from vgps.smoothing.alignment.alignment_sigmas import AlignmentSigmas, alignment_sigmas, jackknife_sigmas
+from vgps.smoothing.alignment.alignment_sigmas import (
+    AlignmentSigmas,
+    alignment_sigmas,
+    antenna_covariances,
+    jackknife_sigmas,
+)
 from vgps.smoothing.alignment.land import land_normal
 from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
 from vgps.smoothing.alignment.similarity import Correspondences, align
@@ -55,7 +60,11 @@ class AlignmentResult:
 
 
 def align_to_fixes(
-    local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    local_map: LocalMap,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    antenna_sigma_m: float = 0.0,
 ) -> AlignmentResult | None:
     """Return the alignment of a map with the fixes within its frames, or None if they do not suffice.
 
@@ -64,8 +73,9 @@ def align_to_fixes(
         fixes: All fixes; those after the map's last frame are ignored.
         camera_p_antenna: (3,) metres.
         config: Gives the requirements, ``start``.
+        antenna_sigma_m: Standard deviation of the lever arm.
     """
-    alignment = find_alignment(local_map, fixes, camera_p_antenna, config)
+    alignment = find_alignment(local_map, fixes, camera_p_antenna, config, antenna_sigma_m)
     if alignment is None or not alignment.determined:
         return None
     update = MapUpdate(similarity=alignment.to_world, aligned=True)
@@ -97,9 +107,14 @@ def align_to_control(
 
 
 def find_alignment(
-    local_map: LocalMap, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    local_map: LocalMap,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    antenna_sigma_m: float = 0.0,
 ) -> Alignment | None:
-    """Return the alignment of a map with the fixes within its frames, however uncertain.
+    """Return the alignment of a map with the fixes within its frames, however uncertain; as
+    :func:`align_to_fixes`.
 
     None with fewer than two such fixes, or if the camera was at one place at all of them.
     """
@@ -115,7 +130,8 @@ def find_alignment(
     to_world = align(seen, config.start)
     if to_world is None:
         return None
-    sigmas = alignment_sigmas(seen, to_world, error_covariances(chosen, config.gps), config.start)
+    errors = error_covariances(chosen, config.gps) + antenna_covariances(seen, to_world, antenna_sigma_m)
+    sigmas = alignment_sigmas(seen, to_world, errors, config.start)
     determined = len(seen) >= config.start.min_fixes and sigmas.within(config.start)
     return Alignment(
         to_world=to_world,
