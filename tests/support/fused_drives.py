@@ -11,23 +11,26 @@ from vgps.gps.fixes import CLASSES
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import FixClass
 from vgps.online.fusion.fusion_fit import FitInput
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.video_path import VideoPath
 
 ANTENNA = np.array([0.1, -1.0, 0.3])
+ARM = LeverArm.within(ANTENNA)
 INTERVAL_S, SPEED_M_S = 0.1, 8.0
 
 
 class DrivingCamera:
-    """A camera on a winding road at 8 m/s, level, without drift: ``true`` (n, 4, 4)."""
+    """A camera on a winding road at 8 m/s, which may vary, level, without drift: ``true`` (n, 4, 4)."""
 
-    def __init__(self, frames):
+    def __init__(self, frames, varying=0.0):
         self.t_s = INTERVAL_S * np.arange(frames)
         heading = 0.8 * np.sin(self.t_s / 6.0)
         ahead = np.stack([np.sin(heading), np.cos(heading), np.zeros(frames)], axis=1)
         right = np.stack([np.cos(heading), -np.sin(heading), np.zeros(frames)], axis=1)
         self.true = np.tile(np.eye(4), (frames, 1, 1))
         self.true[:, :3, :3] = np.stack([right, np.tile([0.0, 0.0, -1.0], (frames, 1)), ahead], axis=2)
-        self.true[1:, :3, 3] = np.cumsum(SPEED_M_S * INTERVAL_S * ahead[:-1], axis=0)
+        speed_m_s = SPEED_M_S * (1.0 + varying * np.sin(self.t_s / 2.0))
+        self.true[1:, :3, 3] = np.cumsum(INTERVAL_S * speed_m_s[:-1, None] * ahead[:-1], axis=0)
 
     def seen(self, rng=None, share=1.0, config=None):
         """The path that the video gives: exact, or with ``share`` of the drift that the settings allow."""
@@ -84,6 +87,6 @@ def fit_input(path, frames, fixes, last=None, delay_s=0.0):
         number=np.flatnonzero(rows),
         is_new=fixes.t_s[rows] > known_s + 1e-6,
         assessment=FixAssessment.unassessed(int(rows.sum())),
-        camera_p_antenna=ANTENNA,
+        lever_arm=ARM,
         last=last,
     )

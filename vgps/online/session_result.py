@@ -15,6 +15,7 @@ from vgps.gps.verdicts import fix_table
 from vgps.mapping.local_map import LocalMap
 from vgps.model import Camera, FloatArray, Frame, GeodeticPoint, GpsLog, GyroLog, ImuLog, Recording, Rig
 from vgps.online.archive import FixArchive, FrameArchive
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.pipeline.frame_pipeline import FramePipeline
 from vgps.pipeline.front_end import FrontEnd, front_end_of
 from vgps.solution import (
@@ -59,7 +60,19 @@ class SessionRecord:
     fixes: FixArchive
     gyro: GyroLog | None
     imu: ImuLog | None
+    lever_arm: LeverArm | None  # None if it was not estimated
     warnings: tuple[str, ...]
+
+    @property
+    def camera_p_antenna(self) -> FloatArray:
+        """(3,) the lever arm, metres."""
+        return self.rig.camera_p_antenna if self.lever_arm is None else self.lever_arm.camera_p_antenna
+
+    @property
+    def antenna_sigma_m(self) -> tuple[float, float, float]:
+        """Its standard deviations; NaN if it was not estimated."""
+        x, y, z = (np.nan, np.nan, np.nan) if self.lever_arm is None else self.lever_arm.sigma_m.tolist()
+        return x, y, z
 
     def gps(self) -> tuple[GpsLog | None, np.ndarray]:
         """Return the fixes in chronological order, None without a world frame, and their rows in the
@@ -111,7 +124,7 @@ def session_solution(session: SessionRecord) -> Solution:
         sigma_position_m=sigmas.position_m,
         state=states,
         camera=camera,
-        camera_p_antenna=sensors.camera_p_antenna,
+        camera_p_antenna=session.camera_p_antenna,
         landmarks=landmarks,
         observations=observations,
         gps=log,
@@ -119,7 +132,7 @@ def session_solution(session: SessionRecord) -> Solution:
         sensors=SensorReport(
             sensors.time_offset_s,
             sensors.prior_time_offset.sigma_s or np.nan,
-            (np.nan, np.nan, np.nan),
+            session.antenna_sigma_m,
             sensors.clock_rate,
         ),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
@@ -161,7 +174,7 @@ def _verdicts(session: SessionRecord, poses: FloatArray) -> tuple[GpsLog | None,
     fixes = fixes_in_world(log, position, session.config.gps).on_video_clock(sensors)
     assessment, t_s = session.fixes.assessment(rows), session.frame_pipeline.t_s
     path = Trajectory(t_s, poses)
-    return log, fix_table(log, fixes, assessment, path, sensors.camera_p_antenna, session.config)
+    return log, fix_table(log, fixes, assessment, path, session.camera_p_antenna, session.config)
 
 
 def _kept_landmarks(local_map: LocalMap | None) -> tuple[Landmarks, Observations]:

@@ -235,6 +235,7 @@ class OnlineSmoother:
             fixes=self._intake.archive,
             gyro=GyroLog(samples[:, 0], samples[:, 1:], self._source) if len(samples) else None,
             imu=self._imu.log,
+            lever_arm=self._fusion.sensors.estimated_lever_arm,
             warnings=tuple(self._events.warnings),
         )
 

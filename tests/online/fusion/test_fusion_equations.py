@@ -2,14 +2,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from fused_drives import ARM, DrivingCamera, fixed_then_float
 from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_of_size
 
 import vgps
 from vgps.config import StartConfig
-from vgps.online.fusion.fusion_equations import BIAS, MEAN_ROLL, TIME_OFFSET, UNKNOWNS, cost, normal_equations
+from vgps.online.fusion.fusion_equations import (
+    ANTENNA,
+    BIAS,
+    MEAN_ROLL,
+    TIME_OFFSET,
+    UNKNOWNS,
+    cost,
+    normal_equations,
+    vague_prior,
+)
 from vgps.online.fusion.fusion_nodes import fusion_nodes
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.live_time_offset import LiveTimeOffset
 from vgps.online.fusion.node_fixes import seen_fixes
 from vgps.online.fusion.path_fusion import fuse
@@ -21,7 +31,7 @@ def fit():
     drive = DrivingCamera(80)
     kinds, wrong = fixed_then_float(4, 4, [0.5, -0.4, 1.0])
     path = drive.seen(np.random.default_rng(3))
-    return fuse(path, drive.fixes(kinds, wrong), ANTENNA, vgps.Config(), None)
+    return fuse(path, drive.fixes(kinds, wrong), ARM, vgps.Config(), None)
 
 
 def dense(system):
@@ -43,12 +53,21 @@ def test_the_gradient_is_that_of_the_cost(fit):
     state = fit.state.moved(step)
     gradient = normal_equations(fit.nodes, state, fit.prior).gradient
     for node in (0, 3, 7):
-        for unknown in (0, 2, 5, 7, 9, TIME_OFFSET):
+        for unknown in (0, 2, 5, 7, 9, TIME_OFFSET, ANTENNA.start, ANTENNA.start + 2):
             delta = np.zeros_like(step)
             delta[node, unknown] = 1e-6
             ends = [cost(fit.nodes, state.moved(sign * delta), fit.prior) for sign in (-1.0, 1.0)]
             numeric = (ends[1] - ends[0]) / 2e-6
             assert gradient[node, unknown] == pytest.approx(numeric, rel=1e-3)
+
+
+def test_the_prior_of_a_lever_arm_is_that_of_all_nodes_together(fit):
+    covariance = np.diag([0.04, 0.25, 1.0])
+    prior = vague_prior(fit.state, np.ones(2), covariance)
+    away = np.zeros_like(fit.state.values)
+    away[:, ANTENNA] = [0.1, -0.2, 0.3]
+    moved = prior.cost(fit.state.moved(away)) - prior.cost(fit.state)
+    assert moved == pytest.approx(0.5 * (0.1**2 / 0.04 + 0.2**2 / 0.25 + 0.3**2))
 
 
 def test_the_prior_of_the_mean_roll_lets_go_of_a_camera_that_is_clearly_rolled(fit):
@@ -121,7 +140,7 @@ def test_nodes_lie_at_fixes_and_not_far_apart():
     drive = DrivingCamera(200)
     fixes = drive.fixes(*fixed_then_float(3, 3, np.zeros(3)))  # the last at 5 s
     path = drive.seen()
-    nodes = fusion_nodes(path, seen_fixes(path, fixes, LiveTimeOffset(0.0, 0.0, 0.0)), ANTENNA, vgps.Config())
+    nodes = fusion_nodes(path, seen_fixes(path, fixes, LiveTimeOffset(0.0, 0.0, 0.0)), vgps.Config())
     assert np.diff(nodes.t_s).max() <= 1.5 + 1e-9 and nodes.t_s[-1] == drive.t_s[-1]
     np.testing.assert_allclose(nodes.t_s[nodes.fixes.node], fixes.t_s)
     assert np.flatnonzero(nodes.starts).tolist() == [0, 3]
@@ -141,6 +160,6 @@ def test_a_camera_that_flies_keeps_the_pitch_that_its_map_was_placed_with(
     fixes = fixes_of_size(t_s[::10], poses[::10, :3, 3], size, size, correlation_s=times_s)
     path = VideoPath(t_s=t_s, poses=poses, moving=np.ones(80, dtype=bool))
     config = vgps.Config(start=StartConfig(airborne=airborne))
-    fit = fuse(path, fixes, np.zeros(3), config, None)
+    fit = fuse(path, fixes, LeverArm.within(np.zeros(3)), config, None)
     turned_deg = np.degrees(Rotation.from_matrix(fit.state.world_R_map[-1]).magnitude())
     assert at_least_deg <= turned_deg < at_most_deg

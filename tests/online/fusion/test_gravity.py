@@ -12,6 +12,7 @@ from vgps.imu.camera_imu import imu_at_camera
 from vgps.model import FixClass
 from vgps.online.fusion.fusion_equations import BIAS
 from vgps.online.fusion.gravity import Gravity
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.path_fusion import fuse
 from vgps.online.fusion.video_path import VideoPath
 
@@ -56,7 +57,7 @@ def fused(given):
     true = path_of(swinging_motion())
     roll = Rotation.from_euler("x", 4.0, degrees=True).as_matrix()
     path, _ = seen(roll, 1.0)
-    antenna, rows = np.zeros(3), np.arange(0, len(true.t_s), 10)
+    arm, rows = LeverArm.within(np.zeros(3)), np.arange(0, len(true.t_s), 10)
     drift = np.outer(0.3 * true.t_s[rows], [0.0, 0.0, 1.0])
     fixes = fixes_of_size(
         true.t_s[rows],
@@ -68,7 +69,7 @@ def fused(given):
     fit = None
     for last in (50, 75, len(path.t_s)):
         part = VideoPath(t_s=path.t_s[:last], poses=path.poses[:last], moving=path.moving[:last])
-        fit = fuse(part, fixes, antenna, CONFIG, fit, given)
+        fit = fuse(part, fixes, arm, CONFIG, fit, given)
     tilt = fit.state.world_R_map[-1] @ roll
     return fit, np.degrees(np.arccos(tilt[2, 2]))
 

@@ -25,14 +25,15 @@ LATE_S, CONFIG = 0.4, Config()
 class Pipeline:
     """A stand-in for a frame pipeline that sees a drive as the video shows it, and gets its RTK-fixes."""
 
-    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG, antenna_known=True, drift=0.5):
-        drive = DrivingCamera(500)
+    def __init__(self, late_s=0.0, wrong_m=0.0, config=CONFIG, antenna=ANTENNA, drift=0.5, varying=0.0):
+        drive = DrivingCamera(500, varying)
         self.path, self.true = drive.seen(np.random.default_rng(4), share=drift), drive.true
         fixes = drive.fixes([FixClass.RTK_FIX] * 50, wrong_m * np.ones((50, 3)))
         self.to_come = replace(fixes, t_s=fixes.t_s + late_s)
         self.t_s, self.warnings, self.camera = np.zeros(0), [], "given"
-        self.fix_buffer = FixBuffer(Fixes.empty(), ANTENNA, Config())
-        self.fusion = LiveFusion(self, config, antenna_known=antenna_known)
+        given = np.zeros(3) if antenna is None else antenna
+        self.fix_buffer = FixBuffer(Fixes.empty(), given, Config())
+        self.fusion = LiveFusion(self, config, antenna_known=antenna is not None)
         self.begin()
 
     def begin(self):
@@ -77,15 +78,49 @@ def test_a_fix_counts_with_the_frame_that_it_comes_with():
 
 
 @pytest.mark.slow
-def test_an_antenna_of_which_nobody_knows_where_it_is_makes_positions_as_uncertain():
+def test_turns_show_an_antenna_of_which_nobody_knows_where_it_is_and_the_next_map_begins_with_it():
     """That of an RTK receiver is not the camera's: 1 m on each axis."""
-    known, unknown = Pipeline(), Pipeline(antenna_known=False)
-    for _ in range(80):
+    known, unknown = Pipeline(), Pipeline(antenna=None, varying=0.5)
+    assert unknown.fusion.sensors.estimated_lever_arm is None  # no fix says yet of which kind it is
+    for _ in range(30):
+        unknown.frame()
+    assert np.linalg.norm(unknown.fusion.sigmas().position_m) > np.sqrt(3.0)
+    for _ in range(370):
         known.frame()
         unknown.frame()
-    for one, other in zip(*((p.fusion.sigmas(), p.fusion.at(60)[1]) for p in (known, unknown)), strict=True):
-        np.testing.assert_allclose(other.position_m**2, one.position_m**2 + 1.0, rtol=1e-6)
-        np.testing.assert_array_equal(other.rotation_rad, one.rotation_rad)
+    unknown.frame()
+    found, sigma_m = unknown.fusion.sensors.estimated_lever_arm, unknown.fusion.sigmas().position_m
+    assert (np.abs(found.camera_p_antenna - ANTENNA) < 3.0 * found.sigma_m).all()
+    assert found.sigma_m[2] < 0.6 and sigma_m[2] == pytest.approx(1.0, abs=0.05)
+    assert unknown.error_m() < 3.0 * np.linalg.norm(sigma_m)
+    assert known.fusion.sensors.estimated_lever_arm is None
+    unknown.begin()
+    for _ in range(30):
+        unknown.frame()
+    assert unknown.fusion.sensors.estimated_lever_arm.sigma_m[2] < 0.6
+
+
+@pytest.mark.slow
+def test_a_receiver_that_has_its_first_rtk_fix_late_is_taken_for_one_with_an_antenna_of_its_own():
+    pipeline, kinds = Pipeline(antenna=None), [FixClass.SINGLE] * 6 + [FixClass.RTK_FIX] * 44
+    pipeline.to_come = DrivingCamera(500).fixes(kinds, np.zeros((50, 3)))
+    for _ in range(60):
+        pipeline.frame()
+    before = pipeline.fusion.sensors.estimated_lever_arm.sigma_m
+    for _ in range(10):
+        pipeline.frame()
+    after = pipeline.fusion.sensors.estimated_lever_arm.sigma_m
+    assert before == pytest.approx(0.1, rel=0.05) and (after > 0.9).all()
+
+
+@pytest.mark.slow
+def test_a_clock_that_a_lever_arm_would_hide_is_found():
+    pipeline = Pipeline(LATE_S, antenna=None, drift=0.1, varying=0.5)
+    for _ in range(300):
+        pipeline.frame()
+    assert pipeline.fix_buffer.sensors.time_offset_s == pytest.approx(LATE_S, abs=0.1)
+    found = pipeline.fusion.sensors.estimated_lever_arm
+    assert (np.abs(found.camera_p_antenna - ANTENNA) < 3.0 * found.sigma_m).all()
 
 
 @pytest.mark.slow

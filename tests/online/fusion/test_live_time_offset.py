@@ -7,7 +7,6 @@ from vgps.online.fusion.live_time_offset import (
     LiveTimeOffset,
     any_time_offset,
     believed_time_offset,
-    news_of_time_offset,
     with_time_offset_sigma,
 )
 
@@ -64,9 +63,3 @@ def test_the_covariance_is_that_of_another_prior():
     expected = np.linalg.inv(weaker)
     changed = with_time_offset_sigma(np.linalg.inv(information), 2, float(np.sqrt(expected[2, 2])))
     np.testing.assert_allclose(changed, expected, rtol=1e-9)
-
-
-def test_the_user_hears_of_a_change_that_counts():
-    assert news_of_time_offset(0.35, TimeOffset(0.37, 0.05)) == ()
-    (sentence,) = news_of_time_offset(0.0, TimeOffset(0.37, 0.05))
-    assert "0.37 s older" in sentence and "0.05 s" in sentence

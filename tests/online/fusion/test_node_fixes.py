@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from fused_drives import ANTENNA
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
@@ -42,7 +41,7 @@ def test_velocities_are_means_over_the_uncertainty_of_the_time_offset_and_bends_
     np.testing.assert_allclose(seen.velocity[:, :2], [[SPEED_M_S, 0.4], [SPEED_M_S, 0.5]], atol=1e-9)
     np.testing.assert_allclose(seen.bend, 0.5 * 0.3**2, atol=1e-9)
     assert seen_fixes(straight_path(), fixes_at(0.5), LiveTimeOffset(0.0, 0.0, 0.3)).bend < 1e-9
-    tied = node_fixes(seen, ANTENNA, path.at(np.array([0.4, 0.5])), np.array([0, 1]), Config())
+    tied = node_fixes(seen, path.at(np.array([0.4, 0.5])), np.array([0, 1]), Config())
     np.testing.assert_allclose(
         tied.with_bends(np.array([1.0, 2.0])).noise_m[:, 2], np.hypot(tied.noise_m[:, 2], [0.045, 0.09])
     )
@@ -57,16 +56,16 @@ def test_fixes_of_a_clock_that_is_behind_wait_for_the_frames_of_their_time():
 def test_fixes_are_tied_to_their_nodes_by_the_cameras_step():
     path = straight_path()
     seen = seen_fixes(path, fixes_at(0.3, 0.7), LiveTimeOffset(0.1, 0.0, 0.0))
-    tied = node_fixes(seen, ANTENNA, path.at(np.array([0.0, 0.7])), np.array([0, 1]), Config())
+    tied = node_fixes(seen, path.at(np.array([0.0, 0.7])), np.array([0, 1]), Config())
     np.testing.assert_allclose(tied.step[:, 0], [0.4, -0.2], atol=1e-12)
-    np.testing.assert_allclose(tied.arm, [ANTENNA, ANTENNA], atol=1e-12)
+    np.testing.assert_allclose(tied.axes, np.tile(np.eye(3), (2, 1, 1)), atol=1e-12)
     assert (tied.noise_m > 0.0).all() and tied.noise_m.shape == (2, 3)
 
 
 def test_the_walk_of_an_offset_since_its_first_fix_is_part_of_the_noise_of_the_others():
     path, node = straight_path(), np.array([0, 0, 0, 1])
     seen = seen_fixes(path, fixes_at(0.1, 0.2, 0.3, 0.4), LiveTimeOffset(0.0, 0.0, 0.0))
-    tied = node_fixes(seen, ANTENNA, path.at(np.array([0.1, 0.4])), node, Config())
+    tied = node_fixes(seen, path.at(np.array([0.1, 0.4])), node, Config())
     errors = averaged_over_receivers(errors_of(seen.fixes, Config().gps)[0])
     walked_m = errors.walk_m * np.sqrt(errors.rate_lasts_s * np.array([0.0, 0.1, 0.2, 0.0]))
     np.testing.assert_allclose(tied.noise_m[:, 0], np.hypot(errors.noise_m, walked_m))

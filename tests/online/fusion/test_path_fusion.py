@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import ANTENNA, SPEED_M_S, DrivingCamera, fixed_then_float
+from fused_drives import ANTENNA, ARM, SPEED_M_S, DrivingCamera, fixed_then_float
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -10,6 +10,7 @@ import vgps
 from vgps.geometry import rotation_matrices
 from vgps.model import FixClass
 from vgps.online.fusion.fusion_equations import MEAN_ROLL, OFFSET
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.path_fusion import fuse
 from vgps.online.fusion.video_path import VideoPath
 
@@ -25,7 +26,7 @@ def live(drive, path, fixes, config=CONFIG, horizon=2000, every=10):
     fits, errors = [], []
     for last in range(25, len(path.t_s) + 1, every):
         part = cut(path, max(0, last - horizon), last)
-        fits.append(fuse(part, fixes, ANTENNA, config, fits[-1] if fits else None))
+        fits.append(fuse(part, fixes, ARM, config, fits[-1] if fits else None))
         errors.append(fits[-1].world_T_camera(part)[-1, :3, 3] - drive.true[last - 1, :3, 3])
     return fits, np.array(errors)
 
@@ -51,8 +52,8 @@ def test_a_jump_of_a_float_solution_does_not_move_the_pose(late, seed):
     wrong[28:] += [0.0, 0.0, 2.5]
     path, fixes = drive.seen(np.random.default_rng(seed), share=0.1), drive.fixes(kinds, wrong)
     path = cut(path, 0, 281 + late)
-    last = fuse(cut(path, 0, 276 + late), fixes.where(fixes.t_s < 28.0), ANTENNA, CONFIG, None)
-    now = fuse(path, fixes.where(fixes.t_s <= 28.0), ANTENNA, CONFIG, last)
+    last = fuse(cut(path, 0, 276 + late), fixes.where(fixes.t_s < 28.0), ARM, CONFIG, None)
+    now = fuse(path, fixes.where(fixes.t_s <= 28.0), ARM, CONFIG, last)
     assert np.linalg.norm(now.moved_from(last, path)) < 0.3
     np.testing.assert_allclose(
         now.state.values[-1, OFFSET] - last.state.values[-1, OFFSET], [0.0, 0.0, 2.5], atol=0.3
@@ -149,20 +150,18 @@ def turned(path, map_turn_deg, mount_roll_deg):
     poses = path.poses.copy()
     poses[:, :3, :3] = turn @ poses[:, :3, :3] @ roll
     poses[:, :3, 3] = poses[:, :3, 3] @ turn.T
-    return VideoPath(t_s=path.t_s, poses=poses, moving=path.moving), roll.T @ ANTENNA
+    return VideoPath(t_s=path.t_s, poses=poses, moving=path.moving), LeverArm.within(roll.T @ ANTENNA)
 
 
 @pytest.mark.parametrize(("mount_roll_deg", "limit_deg"), [(0.0, 0.7), (8.0, 1.5), (-30.0, 2.0)])
 def test_floats_do_not_tilt_the_path_whatever_the_roll_of_the_mounting(mount_roll_deg, limit_deg):
     drive = DrivingCamera(400)
-    path, antenna = turned(drive.seen(), 3.0, mount_roll_deg)
+    path, arm = turned(drive.seen(), 3.0, mount_roll_deg)
     kinds, wrong = fixed_then_float(4, 36, [0.0, 0.0, 1.0])
     wrong[:, 2] *= np.arange(40) / 10.0  # a height that drifts looks like a slope
     fits = []
     for last in (60, 120, 200, 400):
-        fits.append(
-            fuse(cut(path, 0, last), drive.fixes(kinds, wrong), antenna, CONFIG, (fits or [None])[-1])
-        )
+        fits.append(fuse(cut(path, 0, last), drive.fixes(kinds, wrong), arm, CONFIG, (fits or [None])[-1]))
     up = fits[-1].state.world_R_map[-1] @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
     assert np.degrees(np.arccos(up[2, 2])) < limit_deg
     found_deg = np.degrees(np.arcsin(fits[-1].state.values[-1, MEAN_ROLL]))
@@ -174,9 +173,9 @@ def test_the_roll_of_the_mounting_that_a_straight_hides_is_in_the_sigmas():
     drive = DrivingCamera(100)
     drive.true[:, :3, :3] = drive.true[0, :3, :3]
     drive.true[:, :3, 3] = drive.t_s[:, None] * [0.0, SPEED_M_S, 0.0]
-    path, antenna = turned(drive.seen(), 0.0, 7.0)
+    path, arm = turned(drive.seen(), 0.0, 7.0)
     fixes = drive.fixes([FixClass.RTK_FIX] * 10, np.zeros((10, 3)))
-    fit = fuse(path, fixes, antenna, CONFIG, None)
+    fit = fuse(path, fixes, arm, CONFIG, None)
     error = fit.world_T_camera(path)[-1, :3, 3] - drive.true[-1, :3, 3]
     sigma = np.sqrt(np.diag(fit.covariance_at_end(path, CONFIG)))[:3]
     assert abs(error[0]) == pytest.approx(0.12, abs=0.02)
@@ -212,7 +211,7 @@ def test_poses_between_nodes_are_those_of_the_nodes_where_the_video_is_exact():
 def test_sigmas_grow_with_the_distance_from_the_last_fix():
     drive = DrivingCamera(600)
     fixes = drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3)))
-    fit = fuse(cut(drive.seen(), 0, 200), fixes, ANTENNA, CONFIG, None)
+    fit = fuse(cut(drive.seen(), 0, 200), fixes, ARM, CONFIG, None)
     sigma = [
         np.sqrt(np.trace(fit.covariance_at_end(cut(drive.seen(), 0, last), CONFIG)[:3, :3]))
         for last in (200, 250, 300, 600)
@@ -245,3 +244,56 @@ def test_covariances_are_those_of_the_errors():
     nees = np.array([simulated_nees(seed) for seed in range(24)])
     assert np.mean(nees < chi2.ppf(0.95, 3)) > 0.8
     assert 0.3 < np.median(nees) < chi2.median(3)
+
+
+SAME_CLOCK = vgps.Config.model_validate({"sensors": {"estimate_time_offset": "no"}})
+
+
+def winding_with_antenna(arm, seed=0):
+    """The path of a winding road, and its fit with RTK-fixes of an antenna of which that much is known."""
+    drive = DrivingCamera(400)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 40, np.zeros((40, 3)))
+    path = drive.seen(np.random.default_rng(seed), share=0.5)
+    return path, fuse(path, fixes, arm, SAME_CLOCK, None)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turns_show_how_far_ahead_an_antenna_is_that_nobody_measured_but_not_how_high(seed):
+    _, fit = winding_with_antenna(LeverArm.within(np.zeros(3), 1.0), seed)
+    away, sigma_m = fit.lever_arm.camera_p_antenna - ANTENNA, fit.lever_arm.sigma_m
+    assert sigma_m[2] < 0.2 and sigma_m[1] == pytest.approx(1.0, abs=0.01)
+    assert (np.abs(away) < 3.0 * sigma_m).all()
+
+
+def test_what_was_known_of_an_antenna_counts():
+    known = LeverArm(ANTENNA + np.array([0.0, 0.2, 0.0]), np.diag([1.0, 0.01, 1.0]))
+    _, fit = winding_with_antenna(known)
+    assert fit.lever_arm.camera_p_antenna[1] == pytest.approx(ANTENNA[1] + 0.2, abs=0.02)
+    assert fit.lever_arm.sigma_m[1] == pytest.approx(0.1, abs=0.005) and fit.lever_arm.sigma_m[2] < 0.2
+    _, held = winding_with_antenna(ARM)
+    np.testing.assert_allclose(held.lever_arm.camera_p_antenna, ANTENNA, atol=1e-3)
+
+
+def test_the_antennas_place_is_known_where_the_cameras_is_not():
+    path, fit = winding_with_antenna(LeverArm.within(np.zeros(3), 1.0))
+    camera_m2 = np.diagonal(fit.covariance_at_end(path, SAME_CLOCK))[:3]
+    antenna_m2 = np.diagonal(fit.antenna_covariance_at_end(path, SAME_CLOCK))
+    assert camera_m2.sum() > 1.8 and antenna_m2.sum() < 0.1
+
+
+def test_a_turn_that_shows_the_lever_arm_moves_the_camera_and_not_the_antenna():
+    """The camera moves by what the lever arm was wrong by, which is no reason to doubt fixes."""
+    drive, fits, camera_m, antenna_m = DrivingCamera(200), [], [], []
+    fixes, path = drive.fixes([FixClass.RTK_FIX] * 20, np.zeros((20, 3))), drive.seen()
+    arm = LeverArm.within(ANTENNA - np.array([0.0, 0.0, 1.5]), 1.0)
+    for last in range(25, 201, 10):
+        part = cut(path, 0, last)
+        fits.append(fuse(part, fixes, arm, SAME_CLOCK, fits[-1] if fits else None))
+        if len(fits) > 1:
+            end, (before, now) = part.poses[-1:, :3, 3], fits[-2:]
+            camera_m.append((now.to_world(part).points(end) - before.to_world(part).points(end))[0])
+            antenna_m.append(now.moved_from(before, part))
+            spread = before.antenna_covariance_at_end(part, SAME_CLOCK)
+            assert antenna_m[-1] @ np.linalg.solve(spread, antenna_m[-1]) < 9.0
+    camera_m, antenna_m = (np.linalg.norm(moved, axis=1) for moved in (camera_m, antenna_m))
+    assert camera_m.sum() > 1.2 and antenna_m.sum() < 0.5 * camera_m.sum()

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import ANTENNA, DrivingCamera, fixed_then_float
+from fused_drives import ARM, DrivingCamera, fixed_then_float
 
 from vgps.config import Config
 from vgps.model import FixClass
@@ -25,9 +25,9 @@ def fits(ties, fixed_again=0):
     """Fits until the end of a drive whose RTK-fixes turn into RTK-floats 3 m off, tied or not."""
     kinds, wrong = fixed_then_float(4, 26 - fixed_again, [1.5, -1.0, 2.0], fixed_again)
     path, fixes = DRIVE.seen(np.random.default_rng(5), share=0.3), DRIVE.fixes(kinds, wrong)
-    before = fuse(path, fixes, ANTENNA, Config(), None)
+    before = fuse(path, fixes, ARM, Config(), None)
     path = replace(path, ties=ties)
-    return path, before, fuse(path, fixes, ANTENNA, Config(), before)
+    return path, before, fuse(path, fixes, ARM, Config(), before)
 
 
 def error_m(fit, path):
@@ -74,7 +74,7 @@ def test_a_place_stays_known_after_its_frame_has_left_the_path():
     kinds = [FixClass.RTK_FLOAT] * 30
     path = replace(DRIVE.seen(np.random.default_rng(6), share=0.1), ties=tied([60]))
     fixes = DRIVE.fixes(kinds, np.tile([1.5, -1.0, 2.0], (30, 1)))
-    whole = fuse(path, fixes, ANTENNA, Config(), None)
-    rest = fuse(path.since(12.0), fixes, ANTENNA, Config(), whole)
+    whole = fuse(path, fixes, ARM, Config(), None)
+    rest = fuse(path.since(12.0), fixes, ARM, Config(), whole)
     assert len(rest.nodes.tied) == 0
     assert np.linalg.norm(rest.world_T_camera(path.since(12.0))[-1, :3, 3] - DRIVE.true[-1, :3, 3]) < 0.3

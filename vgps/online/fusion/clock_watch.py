@@ -17,7 +17,9 @@ from vgps.model import FloatArray
 from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
-_FIRST_S, _LONGER = 8.0, 1.25  # of a map's path, to compare; by how much longer it is each time
+# Of a map's path, to compare displacements, or fits where the lever arm is not known: these are sure of a
+# wrong time offset within seconds. It is longer each time.
+_FIRST_S, _FIRST_BY_FITS_S, _LONGER = 8.0, 3.0, 1.25
 
 
 class ClockWatch:
@@ -25,11 +27,12 @@ class ClockWatch:
 
     Args:
         config: From how many standard deviations on two time offsets differ.
+        by_fits: Whether the lever arm is not known.
     """
 
-    def __init__(self, config: SensorsConfig) -> None:
+    def __init__(self, config: SensorsConfig, *, by_fits: bool = False) -> None:
         self._config = config
-        self._next_s = _FIRST_S
+        self._next_s = _FIRST_BY_FITS_S if by_fits else _FIRST_S
         self._shown: TimeOffset | None = None
 
     def is_due(self, path_s: float) -> bool:

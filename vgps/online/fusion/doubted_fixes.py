@@ -18,7 +18,6 @@ from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fix_states import log_outlier_density
 from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray
-from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.path_fusion import FusedPath
 from vgps.online.fusion.video_path import VideoPath
 
@@ -78,7 +77,7 @@ def doubt_about(
         config: How likely fixes are wrong, and the drift.
     """
     moved_m = now.moved_from(before, path)
-    known_m2 = before.covariance_at_end(path, config)[POSITION, POSITION]
+    known_m2 = before.antenna_covariance_at_end(path, config)
     probability = wrong_probability(fixes, moved_m, known_m2, config.outliers)
     if probability <= config.outliers.outlier_share + config.outliers.lower_share:
         return None

@@ -14,11 +14,11 @@ from vgps.online.fusion.fusion_nodes import FusionNodes
 from vgps.online.fusion.place_ties import ROBUST
 
 POSITION, SCALE, ROTATION, OFFSET, BIAS = slice(0, 3), 3, slice(4, 7), slice(7, 10), slice(10, 12)
-MEAN_ROLL, TIME_OFFSET, UNKNOWNS = 10, 12, 13
+MEAN_ROLL, TIME_OFFSET, ANTENNA, UNKNOWNS = 10, 12, slice(13, 16), 16
 _HALVINGS = 8
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends the iteration
 _ANYWHERE_M, _ANY_SCALE, _ANY_ROTATION_RAD = 100.0, 1.0, 1.0  # of the first node before any fit
-_HELD = 1e-4  # changes of the biases [rad] and of the time offset [s] from node to node
+_HELD = 1e-4  # changes of biases [rad], time offset [s] and lever arm [m] from node to node
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class FusionState:
     """Unknowns of the nodes.
 
     Attributes:
-        values: (N, 13) position, log scale, zeros, offset, bias of the elevations, and what remains of the
-            time offset; increments of the rotation stand at the zeros.
+        values: (N, 16) position, log scale, zeros, offset, bias of the elevations, what remains of the time
+            offset, and lever arm; increments of the rotation stand at the zeros.
         world_R_map: (N, 3, 3) rotation of the video's axes.
     """
 
@@ -35,7 +35,7 @@ class FusionState:
     world_R_map: FloatArray
 
     def moved(self, step: FloatArray) -> "FusionState":
-        """Return the state moved by increments (N, 13)."""
+        """Return the state moved by increments (N, 16)."""
         values = self.values + step
         values[:, ROTATION] = 0.0
         return FusionState(values, rotation_matrices(step[:, ROTATION]) @ self.world_R_map)
@@ -50,7 +50,7 @@ class FirstNodePrior:
     vector: FloatArray
 
     def distance(self, state: FusionState) -> FloatArray:
-        """Return d (13,) of a state's first node."""
+        """Return d (16,) of a state's first node."""
         d = state.values[0] - self.at.values[0]
         d[ROTATION] = rotation_vectors(state.world_R_map[:1] @ self.at.world_R_map[0].T)[0]
         return np.asarray(d)
@@ -61,13 +61,16 @@ class FirstNodePrior:
         return float(0.5 * d @ self.information @ d + self.vector @ d)
 
 
-def vague_prior(state: FusionState, bias_rad: FloatArray) -> FirstNodePrior:
-    """Return next to nothing about the first node but biases (2,) of the elevations with these sigmas."""
-    information = np.zeros(UNKNOWNS)
-    information[POSITION], information[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
-    information[ROTATION], information[BIAS] = _ANY_ROTATION_RAD**-2, bias_rad**-2
+def vague_prior(state: FusionState, bias_rad: FloatArray, antenna: FloatArray) -> FirstNodePrior:
+    """Return next to nothing about the first node but biases (2,) of the elevations with these sigmas, and a
+    lever arm with this covariance (3, 3)."""
+    known = np.zeros(UNKNOWNS)
+    known[POSITION], known[SCALE] = _ANYWHERE_M**-2, _ANY_SCALE**-2
+    known[ROTATION], known[BIAS] = _ANY_ROTATION_RAD**-2, bias_rad**-2
+    information = np.diag(known)
+    information[ANTENNA, ANTENNA] = np.linalg.inv(antenna)
     at = FusionState(state.values[:1], state.world_R_map[:1])
-    return FirstNodePrior(at, np.diag(information), np.zeros(UNKNOWNS))
+    return FirstNodePrior(at, information, np.zeros(UNKNOWNS))
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,7 @@ class _Residuals:
     turn: FloatArray
     fix_lever: FloatArray
     fix_velocity: FloatArray
+    fix_axes: FloatArray
     fix: FloatArray
     elevation: FloatArray
     axes: FloatArray
@@ -100,7 +104,8 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
     step = fixes.step - velocity * change_s[:, None]
     placed = np.exp(x[at, SCALE])[:, None, None] * (R[at] @ np.stack([step, velocity], axis=2))
     away = placed[:, :, 0]
-    arm = (R[at] @ fixes.arm[:, :, None])[:, :, 0]
+    fix_axes = R[at] @ fixes.axes
+    arm = (fix_axes @ x[at, ANTENNA, None])[:, :, 0]
     axes = (R @ nodes.camera[:, :3, :3])[:, :, [0, 2]]
     fix = x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix
     return _Residuals(
@@ -110,6 +115,7 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
         turn,
         np.stack([away, away + arm], axis=1),
         placed[:, :, 1],
+        fix_axes,
         fix,
         axes[:, 2] - nodes.elevation - x[:, BIAS],
         axes,
@@ -176,7 +182,7 @@ def _normal_equations(
     J = np.zeros((len(r.fix), 3, UNKNOWNS))
     J[:, :, POSITION] = J[:, :, OFFSET] = np.eye(3)
     J[:, :, SCALE], J[:, :, ROTATION] = r.fix_lever[:, 0], -cross_matrices(r.fix_lever[:, 1])
-    J[:, :, TIME_OFFSET] = -r.fix_velocity
+    J[:, :, TIME_OFFSET], J[:, :, ANTENNA] = -r.fix_velocity, r.fix_axes
     weight = ((nodes.fixes.tail + 3.0) / (nodes.fixes.tail + r.noise))[:, None] / nodes.fixes.noise_m**2
     total.add_each(J, weight, r.fix, nodes.fixes.node)
     J = np.zeros((count, 5, UNKNOWNS))

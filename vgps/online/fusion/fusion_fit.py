@@ -9,11 +9,12 @@ from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import with_errors
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
 from vgps.gps.sensors import TimeOffset
-from vgps.model import BoolArray, FloatArray, IntArray
-from vgps.online.fusion.clock_profile import profiled_time_offset
+from vgps.model import BoolArray, IntArray
+from vgps.online.fusion.clock_profile import profiled_time_offset, unsure_time_offset
 from vgps.online.fusion.clock_watch import shown_time_offset
 from vgps.online.fusion.doubted_fixes import Doubt, doubt_about
 from vgps.online.fusion.gravity import Gravity
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.fusion.node_fixes import SAME_TIME_S
 from vgps.online.fusion.path_fusion import FusedPath, fuse
@@ -46,7 +47,8 @@ class FitInput:
     """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical.
 
     ``is_new``: (M,) which fixes the last fit did not know; they come after it, but may be of a time before
-    its end. ``watches_clock``: whether to look for another time offset once the fit is found.
+    its end. ``watches_clock``: whether to look for another time offset once the fit is found. ``lever_arm``:
+    as known so far; ``unsure_of_antenna``: whether the antenna may be farther off than a camera's own one.
     """
 
     path: VideoPath
@@ -54,10 +56,11 @@ class FitInput:
     number: IntArray
     is_new: BoolArray
     assessment: FixAssessment
-    camera_p_antenna: FloatArray
+    lever_arm: LeverArm
     last: FusedPath | None
     gravity: Gravity | None = None
     watches_clock: bool = False
+    unsure_of_antenna: bool = False
 
 
 def fit(given: FitInput, config: Config) -> FitResult:
@@ -81,7 +84,7 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
     if not len(new_s) or new_s.min() <= begin_s + SAME_TIME_S:
         return None
     path = given.path.since(begin_s)
-    fused = fuse(path, fixes, given.camera_p_antenna, _as_learned(config, last), last, given.gravity)
+    fused = fuse(path, fixes, given.lever_arm, _as_learned(config, last), last, given.gravity)
     return None if _surprises(fused, given, path, config) else fused
 
 
@@ -96,7 +99,7 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
     if len(whole) >= 2:
         rest_s = 0.0 if last is None else last.time_offset.time_offset_s
         fixes = replace(given.fixes, used=given.fixes.used & judged).without_time_offset(rest_s)
-        found = detect_outliers(whole, fixes, given.camera_p_antenna, config)
+        found = detect_outliers(whole, fixes, given.lever_arm.camera_p_antenna, config)
         assessment = assessment.updated(_with_fixes_between(found, given.fixes))
     fused = _learning_fit(given, assessment.applied(given.fixes), config)
     return _result(given, assessment, fused, config)
@@ -121,11 +124,12 @@ def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config
         result = replace(result, doubt=doubt)
     if not given.watches_clock:
         return result
-    world, antenna, believed = fused.to_world(path), given.camera_p_antenna, fused.time_offset
-    shown = shown_time_offset(path, world, fixes, antenna, believed, config.sensors)
-    if shown is None:
-        used = _as_learned(config, fused)
-        shown = profiled_time_offset(path, fixes, antenna, fused, used, given.gravity)
+    shown, believed = None, fused.time_offset
+    if not given.unsure_of_antenna:  # of which displacements know nothing
+        antenna = given.lever_arm.camera_p_antenna
+        shown = shown_time_offset(path, fused.to_world(path), fixes, antenna, believed, config.sensors)
+    if shown is None and (given.unsure_of_antenna or unsure_time_offset(believed, config.sensors)):
+        shown = profiled_time_offset(path, fixes, fused, _as_learned(config, fused), given.gravity)
     return replace(result, shown=shown)
 
 
@@ -167,7 +171,7 @@ def _as_learned(config: Config, last: FusedPath | None) -> Config:
 def _learning_fit(given: FitInput, fixes: Fixes, config: Config) -> FusedPath:
     """Return a fit with errors of fixes as the last one shows them, and with what it shows itself."""
     used = _as_learned(config, given.last)
-    fused = fuse(given.path, fixes, given.camera_p_antenna, used, given.last, given.gravity)
+    fused = fuse(given.path, fixes, given.lever_arm, used, given.last, given.gravity)
     if not config.gps.learns:
         return fused.with_carried()
     shown = errors_in_fit(fused.nodes, fused.state, fused.system, config.gps, used.gps)

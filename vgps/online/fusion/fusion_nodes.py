@@ -152,7 +152,6 @@ class FusionNodes:
 def fusion_nodes(
     path: VideoPath,
     seen: SeenFixes,
-    camera_p_antenna: FloatArray,
     config: Config,
     continued: BoolArray | None = None,
     sizes: Mapping[FixClass, float] | None = None,
@@ -162,7 +161,6 @@ def fusion_nodes(
     Args:
         path: At least two frames.
         seen: Fixes within the path that take part.
-        camera_p_antenna: (3,) metres.
         config: Errors of fixes, drift, and the prior of a level camera.
         continued: (M,) which fixes do not start an offset because earlier ones, now forgotten, did.
         sizes: Offsets of classes over the median receiver's, where known.
@@ -187,7 +185,7 @@ def fusion_nodes(
         t_s=t_s,
         camera=camera,
         drift=video_drift(camera, frames, config),
-        fixes=node_fixes(seen, camera_p_antenna, camera, at[chain.offset], config),
+        fixes=node_fixes(seen, camera, at[chain.offset], config),
         ties=path.ties,
         tied=tied,
         size_m=_with_rows(len(t_s), at, size_m, np.inf),

@@ -7,20 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.config import Config
-from vgps.gps.sensors import TimeOffset
 from vgps.imu.camera_imu import CameraImu
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
-from vgps.online.fusion.clock_watch import ClockWatch
 from vgps.online.fusion.doubted_fixes import Doubt
 from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
 from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.inertial_bridge import BridgedPose, InertialBridge
-from vgps.online.fusion.live_time_offset import news_of_time_offset
+from vgps.online.fusion.live_sensors import LiveSensors
 from vgps.online.fusion.path_fusion import FusedPath
 from vgps.online.fusion.place_ties import PlaceTies
 from vgps.online.fusion.pose_sigmas import UNKNOWN_SIGMAS, Sigmas, pose_sigmas
@@ -39,7 +37,10 @@ class LiveFusion:
         frame_pipeline: Stages A to C, without fixes in stage C.
         config: Settings, with the GPS model in use.
         imu: Levels the path, and bridges frames without features; None without an IMU.
-        antenna_known: Whether the lever arm was measured; else its uncertainty is one of every position.
+        antenna_known: Whether the lever arm was measured; else it is an unknown of the fit.
+
+    Attributes:
+        sensors: Clock and antenna as the fits show them.
     """
 
     def __init__(
@@ -50,7 +51,8 @@ class LiveFusion:
         *,
         antenna_known: bool = True,
     ) -> None:
-        self._frame_pipeline, self._config, self._antenna_known = frame_pipeline, config, antenna_known
+        self._frame_pipeline, self._config = frame_pipeline, config
+        self.sensors = LiveSensors(frame_pipeline.fix_buffer, config.sensors, antenna_known=antenna_known)
         self._map: LocalMap | None = None
         self._camera = frame_pipeline.camera  # of the newest fit
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
@@ -58,9 +60,6 @@ class LiveFusion:
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._ties = PlaceTies.none()
         self._seen: SeenByFit | None = None  # None if a fit is due
-        self._time_offset_s = self._known_s = config.sensors.time_offset_s  # now; when the first fit began
-        self._clock_watch = ClockWatch(config.sensors)
-        self._told_s = self._time_offset_s  # the time offset that the user last heard of
         self.use_imu(imu)
 
     def use_imu(self, imu: CameraImu | None) -> None:
@@ -68,6 +67,11 @@ class LiveFusion:
         self._gravity = None if imu is None else Gravity(imu, self._config.imu)
         self._bridge = None if imu is None else InertialBridge(imu, self._config)
         self._job: FitJob | None = None
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Let the next fit know nothing of the last one, which places frames until then."""
+        self.sensors.begin_anew()
         self._latest: FitResult | None = None
         self._doubt: Doubt | None = None
 
@@ -82,12 +86,14 @@ class LiveFusion:
         if current is not self._map:
             if self._map is not None and self._fused is not None:
                 self._ended = self._map, self._fused
+            self.sensors.begin_map()
             self._map, self._job, self._latest, self._newest, self._doubt = current, None, None, None, None
-            self._known_s, self._clock_watch = self._time_offset_s, ClockWatch(self._config.sensors)
         if self._latest is not None:  # stage C hands back the verdicts and the time offset that it began with
             self._update_fixes(self._latest)
         if self._camera is not self._frame_pipeline.camera:
             self._finish()
+        if self._job is None and self.sensors.expect(self._frame_pipeline.fix_buffer):
+            self._begin_anew()
         if current is None or not current.aligned or self._job is not None:
             return
         if self._fused is None or self._camera is not self._frame_pipeline.camera:
@@ -130,9 +136,8 @@ class LiveFusion:
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
         self._heed(result.doubt)
-        if given.watches_clock and (shown := self._clock_watch.confirmed(result.shown)):
-            self._known_s += shown.time_offset_s  # the next fit begins anew; till then this one places frames
-            self._latest, self._doubt = None, None
+        if given.watches_clock and self.sensors.finds_another_clock(result.shown):
+            self._begin_anew()
 
     def _heed(self, doubt: Doubt | None) -> None:
         """Remember a doubt, unless its fixes take back what others did that were doubted before."""
@@ -147,13 +152,9 @@ class LiveFusion:
 
     def _update_fixes(self, result: FitResult) -> None:
         """Take over the verdicts on the fixes and their time offset."""
-        fix_buffer, rest = self._frame_pipeline.fix_buffer, result.fused.time_offset
+        fix_buffer, found = self._frame_pipeline.fix_buffer, self.sensors.follow(result.fused)
         fix_buffer.update_assessment(result.number, result.assessment)
-        found = TimeOffset(self._known_s + rest.time_offset_s, rest.sigma_s)
-        if news := news_of_time_offset(self._told_s, found):
-            self._frame_pipeline.warnings += news
-            self._told_s = found.time_offset_s
-        self._time_offset_s = found.time_offset_s
+        self._frame_pipeline.warnings += self.sensors.news(found)
         fix_buffer.sensors = fix_buffer.sensors.with_time_offset(found)
 
     def place_map(self, world_T_camera: FloatArray) -> None:
@@ -199,7 +200,7 @@ class LiveFusion:
         t_s = float(self._frame_pipeline.t_s[-1])
         covariance = self._newest.covariance_at_end(self._path(self._map), self._config)
         away_s = t_s - float(self._map.t_s[-1])
-        return pose_sigmas(self._with_unknowns(covariance, t_s), away_s, self._config.motion)
+        return pose_sigmas(self._with_doubt(covariance, t_s), away_s, self._config.motion)
 
     def bridged(self) -> BridgedPose | None:
         """Return the newest frame's pose by the IMU, if the last map with a fit ended before it; None if the
@@ -212,7 +213,7 @@ class LiveFusion:
             return None
         local_map, fused = placed
         path = self._path(local_map)
-        covariance = self._with_unknowns(fused.covariance_at_end(path, self._config), float(path.t_s[-1]))
+        covariance = self._with_doubt(fused.covariance_at_end(path, self._config), float(path.t_s[-1]))
         to_world, seen = fused.to_world(path), 1 + max(local_map.bridged, default=-1)
         if seen > local_map.next_frame - len(path.t_s):  # the frames since features returned
             path = path.since(float(t_s[seen]))
@@ -227,7 +228,7 @@ class LiveFusion:
         row = frame - (current.next_frame - len(path.t_s))
         if row < 0 or not np.isfinite(path.poses[row, 0, 0]) or path.t_s[row] > self._fused.newest_s:
             return None
-        covariance = self._with_unknowns(self._fused.covariances_at(path.t_s[[row]])[0], float(path.t_s[row]))
+        covariance = self._with_doubt(self._fused.covariances_at(path.t_s[[row]])[0], float(path.t_s[row]))
         return self._fused.world_T_camera(path)[row], pose_sigmas(covariance, 0.0, self._config.motion)
 
     def world_path(self) -> RetiredPoses | None:
@@ -262,16 +263,11 @@ class LiveFusion:
         """Let places seen again count, from the next fit on, instead of those of before."""
         self._ties, self._seen = ties, None
 
-    def _with_unknowns(self, covariance: FloatArray, t_s: float) -> FloatArray:
-        """Return the covariance (7, 7) of a pose at a time with what no fit knows: whether doubted fixes are
-        wrong, and where the antenna is."""
+    def _with_doubt(self, covariance: FloatArray, t_s: float) -> FloatArray:
+        """Return the covariance (7, 7) of a pose at a time if fixes that are doubted may be wrong."""
         covariance = covariance.copy()
         if self._doubt is not None:
             covariance[POSITION, POSITION] += self._doubt.covariance(t_s)
-        if not self._antenna_known:
-            fix_buffer = self._frame_pipeline.fix_buffer
-            sensors = fix_buffer.sensors.with_unknown_antenna(self._config.sensors, fix_buffer.fixes.are_rtk)
-            covariance[POSITION, POSITION] += sensors.antenna_sigma_m**2 * np.eye(3)
         return covariance
 
     def _path(self, current: LocalMap) -> VideoPath:
@@ -279,7 +275,8 @@ class LiveFusion:
 
     def _given(self, current: LocalMap) -> FitInput:
         fix_buffer, path = self._frame_pipeline.fix_buffer, self._path(current)
-        fixes = fix_buffer.fixes.without_clock_rate(fix_buffer.sensors).without_time_offset(self._known_s)
+        known_s = self.sensors.known_s
+        fixes = fix_buffer.fixes.without_clock_rate(fix_buffer.sensors).without_time_offset(known_s)
         rows = (fixes.t_s >= path.t_s[0]) & (fixes.t_s <= path.t_s[-1])
         number = fix_buffer.number[rows]
         return FitInput(
@@ -288,13 +285,14 @@ class LiveFusion:
             number=number,
             is_new=np.isin(number, [] if self._latest is None else self._latest.number, invert=True),
             assessment=fix_buffer.assessment.where(rows),
-            camera_p_antenna=fix_buffer.sensors.prior_antenna,
+            lever_arm=self.sensors.lever_arm,
             last=self._fused,
             gravity=self._gravity,
+            unsure_of_antenna=self.sensors.unsure_of_antenna,
         )
 
     def _begin(self, current: LocalMap) -> None:
         t_s = self._frame_pipeline.t_s
         self._seen = SeenByFit.of(current, len(t_s), self._fix_count())
-        due = self._clock_watch.is_due(float(t_s[-1] - t_s[current.first_frame]))
+        due = self.sensors.clock_watch.is_due(float(t_s[-1] - t_s[current.first_frame]))
         self._start(fit, replace(self._given(current), watches_clock=due), FIT_S)

@@ -79,16 +79,6 @@ def believed_time_offset(found: TimeOffset, config: SensorsConfig) -> LiveTimeOf
     return LiveTimeOffset(likely.time_offset_s, likely.sigma_s, reach_s)
 
 
-def news_of_time_offset(before_s: float, now: TimeOffset) -> tuple[str, ...]:
-    """Return a sentence for the user if the time offset has changed by more than its standard deviation."""
-    if abs(now.time_offset_s - before_s) <= now.sigma_s:
-        return ()
-    return (
-        f"the GPS positions are {now.time_offset_s:.2f} s older than their time stamps (standard deviation "
-        f"{now.sigma_s:.2f} s); the fixes are shifted accordingly",
-    )
-
-
 def with_time_offset_sigma(covariance: FloatArray, row: int, sigma_s: float) -> FloatArray:
     """Return covariances (..., n, n) in which the time offset, in one row, has another standard deviation."""
     gain = covariance[..., :, row] / covariance[..., row, row, None]

@@ -69,7 +69,7 @@ class NodeFixes:
         velocity: (M, 3) the camera's about the fix, in the map, per second.
         bend: (M,) how far the path departs from that within reach of the time offset, in the map.
         time_offset_s: (M,) rest of the time offset for which the step holds.
-        arm: (M, 3) antenna minus camera at the fix, in the map's axes, metres.
+        axes: (M, 3, 3) rotation from the camera's axes at the fix to the map's.
         world_p_fix: (M, 3) the fixes.
         noise_m: (M, 3) scales of Student's t, with ``tail`` (M,) degrees of freedom.
     """
@@ -81,7 +81,7 @@ class NodeFixes:
     velocity: FloatArray
     bend: FloatArray
     time_offset_s: FloatArray
-    arm: FloatArray
+    axes: FloatArray
     world_p_fix: FloatArray
     noise_m: FloatArray
     tail: FloatArray
@@ -92,9 +92,7 @@ class NodeFixes:
         return replace(self, noise_m=np.hypot(self.noise_m, bend_m))
 
 
-def node_fixes(
-    seen: SeenFixes, camera_p_antenna: FloatArray, camera: FloatArray, node: IntArray, config: Config
-) -> NodeFixes:
+def node_fixes(seen: SeenFixes, camera: FloatArray, node: IntArray, config: Config) -> NodeFixes:
     """Return what ties fixes (M,) to their nodes (M,).
 
     An offset stands for the fixes of an interval and holds at the first of them. Its walk until the others
@@ -102,7 +100,6 @@ def node_fixes(
 
     Args:
         seen: The fixes, in order of time.
-        camera_p_antenna: (3,) metres.
         camera: (N, 4, 4) poses of all nodes in the map.
         node: (M,) node of each fix.
         config: Noise of the fix classes.
@@ -118,7 +115,7 @@ def node_fixes(
         velocity=seen.velocity,
         bend=seen.bend,
         time_offset_s=seen.time_offset_s,
-        arm=seen.camera[:, :3, :3] @ camera_p_antenna,
+        axes=seen.camera[:, :3, :3],
         world_p_fix=seen.fixes.world_p_fix,
         noise_m=np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]),
         tail=errors.tail,

@@ -20,6 +20,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.online.fusion.block_system import BlockSystem
 from vgps.online.fusion.fusion_equations import (
+    ANTENNA,
     OFFSET,
     POSITION,
     ROTATION,
@@ -35,6 +36,7 @@ from vgps.online.fusion.fusion_equations import (
 )
 from vgps.online.fusion.fusion_nodes import FusionNodes, fusion_nodes, video_drift
 from vgps.online.fusion.gravity import Gravity
+from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.live_time_offset import LiveTimeOffset, unseen_time_offset, with_time_offset_sigma
 from vgps.online.fusion.node_fixes import SAME_TIME_S, seen_fixes
 from vgps.online.fusion.unknown_time_offset import unknown_time_offset
@@ -52,7 +54,7 @@ class FusedPath:
         state: Their values.
         prior: Of the first node.
         time_offset: What is believed of the rest of the time offset.
-        covariance: (13, 13) of the last node.
+        covariance: (16, 16) of the last node.
         system: The normal equations at these values, the time offset unknown.
         learned: Noise and walk of fix classes, for the next fit.
         sizes: Offsets of fix classes over the median receiver's, for the next fit.
@@ -77,6 +79,11 @@ class FusedPath:
     def to_world(self, path: VideoPath) -> Similarity:
         """Return the similarity from the map to the world at the last node and after it."""
         return self._similarity(len(self.nodes.t_s) - 1, path.at(self.nodes.t_s[-1:])[0])
+
+    @property
+    def lever_arm(self) -> LeverArm:
+        """The lever arm by the prior and these fixes."""
+        return LeverArm(self.state.values[-1, ANTENNA], self.covariance[ANTENNA, ANTENNA])
 
     @property
     def last_fix(self) -> int:
@@ -114,17 +121,28 @@ class FusedPath:
 
     def surprise(self, last: "FusedPath", since_s: float, path: VideoPath, config: Config) -> float:
         """Return the largest squared deviation, in sigmas, of what is new after a time since the last fit:
-        noise, walk and bound of offsets, and the correction of the newest position."""
+        noise, walk and bound of offsets, and the correction of the antenna's newest position."""
         deviations = squared_deviations(self.nodes, self.state)
         new = [d[t_s > since_s].max(initial=0.0) for t_s, d in deviations]
         moved_m = self.moved_from(last, path)
-        covariance = last.covariance_at_end(path, config)[POSITION, POSITION]
+        covariance = last.antenna_covariance_at_end(path, config)
         return float(max(*new, moved_m @ np.linalg.solve(covariance, moved_m)))
 
     def moved_from(self, last: "FusedPath", path: VideoPath) -> FloatArray:
-        """Return by how much (3,) the newest position differs from that of an earlier fit."""
-        before, now = (one.to_world(path).points(path.poses[-1:, :3, 3])[0] for one in (last, self))
+        """Return by how much (3,) the antenna's newest position differs from that of an earlier fit.
+
+        Unlike the camera's, it hardly changes when fixes show a lever arm that was not known.
+        """
+        before, now = (
+            one.to_world(path).points(path.poses[-1:, :3, 3])[0] + one._arm_at_end(path)[0]
+            for one in (last, self)
+        )
         return np.asarray(now - before)
+
+    def _arm_at_end(self, path: VideoPath) -> tuple[FloatArray, FloatArray]:
+        """Return the lever arm (3,) at the end of a path in the world, and the camera's axes (3, 3) there."""
+        axes = self.state.world_R_map[-1] @ path.poses[-1, :3, :3]
+        return axes @ self.state.values[-1, ANTENNA], axes
 
     @cached_property
     def _covariances(self) -> FloatArray:
@@ -141,27 +159,37 @@ class FusedPath:
 
     def covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
         """Return the covariance (7, 7) of position, log scale and rotation at the end of a path."""
+        return self._covariance_at_end(path, config)[: OFFSET.start, : OFFSET.start]
+
+    def antenna_covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
+        """Return the covariance (3, 3) of the antenna's position at the end of a path."""
+        arm, axes = self._arm_at_end(path)
+        J = np.zeros((3, UNKNOWNS))
+        J[:, POSITION], J[:, ROTATION], J[:, ANTENNA] = np.eye(3), -cross_matrices(arm), axes
+        return np.asarray(J @ self._covariance_at_end(path, config) @ J.T)
+
+    def _covariance_at_end(self, path: VideoPath, config: Config) -> FloatArray:
+        """Return the covariance (16, 16) of all unknowns of a node at the end of a path."""
         ends = np.concatenate([path.at(self.nodes.t_s[-1:]), path.poses[-1:]])
         frames = float(path.moving[path.t_s > self.newest_s + SAME_TIME_S].sum())
-        covariance = self.covariance[: OFFSET.start, : OFFSET.start]
         if frames == 0.0:
-            return covariance
+            return self.covariance
         drift = video_drift(ends, np.array([frames]), config)
         x, R = self.state.values[-1], self.state.world_R_map[-1]
         step = np.exp(x[SCALE]) * R @ (ends[1, :3, 3] - ends[0, :3, 3])
-        F = np.eye(len(covariance))
+        F = np.eye(UNKNOWNS)
         F[POSITION, SCALE], F[POSITION, ROTATION] = step, -cross_matrices(step)
         noise = np.zeros_like(F)
         noise[POSITION, POSITION] = np.linalg.inv(drift.step_information(step[None])[0])
         noise[SCALE, SCALE] = drift.scale[0] ** 2
         noise[ROTATION, ROTATION] = drift.rotation[0] ** 2 * np.eye(3)
-        return np.asarray(F @ covariance @ F.T + noise)
+        return np.asarray(F @ self.covariance @ F.T + noise)
 
 
 def fuse(
     path: VideoPath,
     fixes: Fixes,
-    camera_p_antenna: FloatArray,
+    lever_arm: LeverArm,
     config: Config,
     last: FusedPath | None,
     gravity: Gravity | None = None,
@@ -171,7 +199,7 @@ def fuse(
     Args:
         path: At least two frames of a map that was aligned with the world once.
         fixes: Fixes that take part, the time offset known before the map removed.
-        camera_p_antenna: (3,) metres.
+        lever_arm: What is known of it without these fixes; an earlier fit knows more.
         config: Errors of fixes, drift, and the prior of a level camera.
         last: The fit of an earlier part of the same path.
         gravity: The vertical by an IMU, if there is one.
@@ -184,13 +212,13 @@ def fuse(
         rest = last.time_offset
     seen = seen_fixes(path, fixes.where(fixes.used), rest)
     continued = _continued(seen.fixes, last) if last is not None else None
-    nodes = fusion_nodes(path, seen, camera_p_antenna, config, continued, last.sizes if last else None)
+    nodes = fusion_nodes(path, seen, config, continued, last.sizes if last else None)
     if gravity is not None:
         scale = np.ones(len(nodes.t_s)) if last is None else last.scales_at(nodes.t_s)
         nodes = gravity.levelled(nodes, path, scale)
-    state = _start(nodes) if last is None else _continue(nodes, last)
+    state = _start(nodes, lever_arm) if last is None else _continue(nodes, last)
     bias_rad = np.array([_ANY_ROLL_RAD, _NO_PITCH_RAD]) if gravity is None else np.full(2, gravity.bias_rad)
-    prior = prior or vague_prior(state, bias_rad)
+    prior = prior or vague_prior(state, bias_rad, lever_arm.covariance)
     state = minimise(nodes, state, prior, config.drift.iterations)
     found = unknown_time_offset(nodes, state, prior, config.sensors)
     return FusedPath(
@@ -223,10 +251,10 @@ def _continued(fixes: Fixes, last: FusedPath) -> BoolArray:
     return rows
 
 
-def _start(nodes: FusionNodes) -> FusionState:
+def _start(nodes: FusionNodes, lever_arm: LeverArm) -> FusionState:
     """Return the state of a map that is aligned with the world."""
     values = np.zeros((len(nodes.t_s), UNKNOWNS))
-    values[:, POSITION] = nodes.camera[:, :3, 3]
+    values[:, POSITION], values[:, ANTENNA] = nodes.camera[:, :3, 3], lever_arm.camera_p_antenna
     return FusionState(values, np.tile(np.eye(3), (len(values), 1, 1)))
 
 
@@ -257,7 +285,8 @@ def _new_offsets(nodes: FusionNodes, state: FusionState, last: FusedPath) -> tup
     fixes, known_s = nodes.fixes, last.nodes.t_s[last.nodes.starts]
     node, first = np.unique(fixes.node, return_index=True)
     t_s, starts = nodes.t_s[node], nodes.starts[node]
-    away = np.exp(state.values[node, SCALE])[:, None] * fixes.step[first] + fixes.arm[first]
+    arm = (fixes.axes[first] @ state.values[node, ANTENNA, None])[:, :, 0]
+    away = np.exp(state.values[node, SCALE])[:, None] * fixes.step[first] + arm
     antenna = state.values[node, POSITION] + (state.world_R_map[node] @ away[:, :, None])[:, :, 0]
     begins = starts & (np.abs(known_s - t_s[:, None]) > SAME_TIME_S).all(axis=1)
     goes_on = ~starts & (t_s > last.nodes.t_s[last.last_fix] + SAME_TIME_S)

@@ -37,7 +37,7 @@ class UnknownTimeOffset:
     Attributes:
         system: The normal equations.
         time_offset: What is believed of its rest.
-        covariance: (13, 13) of the last node.
+        covariance: (16, 16) of the last node.
     """
 
     system: BlockSystem
