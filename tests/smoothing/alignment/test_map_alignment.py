@@ -18,18 +18,18 @@ CLOUD = RNG.uniform([-20.0, 0.0, -30.0], [100.0, 50.0, 30.0], (500, 3))
 
 
 def test_a_map_waits_for_the_motion_that_tells_heading_from_an_antenna_that_swings(monkeypatch):
-    """A camera turns while it moves by 6 m, its antenna 0.7 m to one side, which is no motion of it."""
+    """A camera turns while it moves by 3 m, its antenna 0.7 m to one side, which is no motion of it."""
     t_s = np.arange(21.0)
     world, true = np.tile(np.eye(4), (21, 1, 1)), np.array([0.7, 0.0, 0.0])
     world[:, :3, :3] = Rotation.from_euler("z", 6.0 * t_s[:, None], degrees=True).as_matrix() @ DOWN
-    world[:, 0, 3] = 0.3 * t_s
+    world[:, 0, 3] = 0.15 * t_s
     antenna = world[:, :3, 3] + world[:, :3, :3] @ true
     fixes = fixes_of_size(t_s, antenna, np.full(21, 0.02), np.full(21, 0.02))
     in_map = SimpleNamespace(t_s=t_s, points=CLOUD)
     monkeypatch.setattr(map_alignment, "map_trajectory", lambda _: Trajectory(t_s, world))
     placed = align_to_fixes(in_map, fixes, np.zeros(3), Config())
     off = Rotation.from_matrix(placed.update.similarity.world_R_map)
-    assert np.degrees(off.magnitude()) > 5.0  # of which it is sure
+    assert np.degrees(off.magnitude()) > 20.0  # of which it is sure
     assert align_to_fixes(in_map, fixes, np.zeros(3), Config(), 1.0) is None
     assert align_to_fixes(in_map, fixes, true, Config()) is not None
 

@@ -24,7 +24,7 @@ from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
 from vgps.smoothing.alignment.similarity import Correspondences, align
 from vgps.solution import Trajectory
 
-_JACKKNIFE = 4.0
+_JACKKNIFE = _SWING = 4.0  # factors of the limits of standard deviations
 _MOST_FIXES = 400  # more of them are thinned out evenly
 
 
@@ -130,13 +130,17 @@ def find_alignment(
     to_world = align(seen, config.start)
     if to_world is None:
         return None
-    errors = error_covariances(chosen, config.gps) + antenna_covariances(seen, to_world, antenna_sigma_m)
+    errors = error_covariances(chosen, config.gps)
     sigmas = alignment_sigmas(seen, to_world, errors, config.start)
+    errors = errors + antenna_covariances(seen, to_world, antenna_sigma_m)
+    swung = alignment_sigmas(seen, to_world, errors, config.start)
     determined = len(seen) >= config.start.min_fixes and sigmas.within(config.start)
     return Alignment(
         to_world=to_world,
         sigmas=sigmas,
+        # fits mend a scale that an antenna farther out takes as well on an orbit, and no heading far off
         determined=determined
+        and swung.heading_rad <= _SWING * np.radians(config.start.heading_sigma_deg)
         and jackknife_sigmas(seen, to_world, config.start).within(config.start, _JACKKNIFE),
         # fixes say less than the prior of a level camera if they leave more than 1 / sqrt(2) of its sigma
         straight=bool(sigmas.tilt_rad > np.radians(config.start.level_sigma_deg) / np.sqrt(2.0)),
