@@ -34,7 +34,7 @@ class LiveSensors:
         self.known_s = self._time_offset_s = self._told_s = config.time_offset_s
         self._given = fix_buffer.sensors
         self._expected = replace(self._given, antenna_sigma_m=0.0)  # until there are fixes
-        self._told_antenna = self._given.prior_antenna
+        self._told_antenna, self._told_missing = self._given.prior_antenna, False
         self.lever_arm = self._known_arm = LeverArm.within(self._told_antenna)  # now; before the newest map
         self.clock_watch = ClockWatch(config)
 
@@ -94,8 +94,9 @@ class LiveSensors:
 
     def news(self, time_offset: TimeOffset) -> tuple[str, ...]:
         """Return sentences for the user: if the time offset has changed by more than its standard deviation,
-        and if fixes contradict the lever arm that the user last heard of."""
-        return self._news_of_time_offset(time_offset) + self._news_of_lever_arm(self.lever_arm)
+        if the lever arm is missed, and if fixes contradict the one that the user last heard of."""
+        missed = self._news_of_missing_lever_arm() + self._news_of_lever_arm(self.lever_arm)
+        return self._news_of_time_offset(time_offset) + missed
 
     def _news_of_time_offset(self, now: TimeOffset) -> tuple[str, ...]:
         if abs(now.time_offset_s - self._told_s) <= now.sigma_s:
@@ -106,6 +107,16 @@ class LiveSensors:
             f"deviation {now.sigma_s:.2f} s); the fixes are shifted accordingly",
         )
 
+    def _news_of_missing_lever_arm(self) -> tuple[str, ...]:
+        if self._told_missing or self._antenna_known or not self.unsure_of_antenna:
+            return ()
+        self._told_missing = True
+        return (
+            "the antenna's place in the camera is not given: it is taken as zero, uncertain by "
+            f"{self._expected.antenna_sigma_m:g} m, until the motion shows it: measure it and give "
+            "camera_p_antenna in rig.yaml",
+        )
+
     def _news_of_lever_arm(self, now: LeverArm) -> tuple[str, ...]:
         away = now.camera_p_antenna - self._told_antenna
         if away @ np.linalg.solve(now.covariance, away) <= _FAR_SIGMAS**2:
@@ -113,7 +124,4 @@ class LiveSensors:
         self._told_antenna = now.camera_p_antenna
         rows = zip(now.camera_p_antenna.tolist(), now.sigma_m.tolist(), _AXES, strict=True)
         place = ", ".join(f"{x:.2f} +- {sigma:.2f} m {axis}" for x, sigma, axis in rows)
-        return (
-            f"the motion shows that the antenna lies off the camera: {place} (standard deviations); measure "
-            "it and give camera_p_antenna in rig.yaml",
-        )
+        return (f"the motion shows that the antenna lies off the camera: {place} (standard deviations)",)
