@@ -132,8 +132,10 @@ def find_alignment(
         return None
     errors = error_covariances(chosen, config.gps)
     sigmas = alignment_sigmas(seen, to_world, errors, config.start)
-    errors = errors + antenna_covariances(seen, to_world, antenna_sigma_m)
-    swung = alignment_sigmas(seen, to_world, errors, config.start)
+    swung = sigmas
+    if antenna_sigma_m:
+        errors = errors + antenna_covariances(seen, to_world, antenna_sigma_m)
+        swung = alignment_sigmas(seen, to_world, errors, config.start)
     determined = len(seen) >= config.start.min_fixes and sigmas.within(config.start)
     return Alignment(
         to_world=to_world,
