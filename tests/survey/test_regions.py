@@ -30,6 +30,9 @@ def test_a_region_grows_with_its_errors_and_not_with_what_is_dropped(own, drop, 
 @pytest.mark.slow
 @given(errors, st.integers(0, 10))
 @example(np.array([[0.0, 1.0, 1.0], [1.0, 1.0, 0.0], *[[1.0, 1.0, 1.0]] * 10]), 10)  # least at a kink
+@example(  # of two minima on the grid the worse one is the better one between
+    np.array([*[[0.0, 1.0, 1.0]] * 8, [0.3, 1.0, 1.0], [1.0, 1.0, 0.0], *[[1.0, 1.0, 1.0]] * 9]), 10
+)
 @settings(deadline=None)
 def test_the_ellipsoid_drops_as_asked_and_none_tried_is_smaller(own, dropped):
     dropped = min(dropped, len(own) - 1)

@@ -73,7 +73,7 @@ def least_ellipsoid(errors_m: FloatArray, dropped: int) -> Ellipsoid:
     """Return the ellipsoid of least volume about the truth with ``dropped`` errors outside.
 
     Table 5, Kume 2010. For each ratio of the axes the smallest ellipsoid follows from sorting; the ratio is
-    found by a grid search and refined.
+    found by a grid search and refined about each of its minima, since other errors are left out there.
 
     Args:
         errors_m: (N, 3) east, north, up; N > dropped.
@@ -92,14 +92,18 @@ def least_ellipsoid(errors_m: FloatArray, dropped: int) -> Ellipsoid:
         ratio = float(np.exp(log_ratio))
         return float(3.0 * np.log(alpha(ratio)) + log_ratio)
 
-    volumes = [volume(x) for x in np.log(_RATIOS)]
-    best = int(np.argmin(volumes))
-    ends = np.log(_RATIOS[[max(best - 1, 0), min(best + 1, len(_RATIOS) - 1)]])
-    between = float(ends[0]), float(ends[1])
-    refined = minimize_scalar(
-        volume, bounds=between, method="bounded", options={"xatol": _LOG_RATIO_TOLERANCE}
-    )
-    log_ratio = float(refined.x) if refined.fun < volumes[best] else float(np.log(_RATIOS[best]))
+    log_ratios = np.log(_RATIOS)
+    volumes = np.array([volume(x) for x in log_ratios])
+    least, log_ratio = float(volumes.min()), float(log_ratios[np.argmin(volumes)])
+    ends = np.pad(log_ratios, 1, mode="edge")
+    beside = np.pad(volumes, 1, constant_values=np.inf)
+    for k in np.flatnonzero((volumes <= beside[:-2]) & (volumes <= beside[2:])).tolist():
+        between = float(ends[k]), float(ends[k + 2])
+        refined = minimize_scalar(
+            volume, bounds=between, method="bounded", options={"xatol": _LOG_RATIO_TOLERANCE}
+        )
+        if refined.fun < least:
+            least, log_ratio = float(refined.fun), float(refined.x)
     ratio = float(np.exp(log_ratio))
     return Ellipsoid(alpha(ratio), ratio * alpha(ratio))
 
