@@ -124,14 +124,24 @@ def add_delay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--delay-s", type=float, default=0.0, help=help_text)
 
 
+def position_errors(estimates: list[OnlineEstimate], true: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return errors (n, 3) of poses against true positions (F, 3), F >= n, and their sigmas (n, 3)."""
+    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - true[: len(estimates)]
+    return error_m, np.array([one.sigma_position_m for one in estimates])
+
+
+def mean_nees(error_m: FloatArray, sigma_m: FloatArray) -> float:
+    """Return the mean squared error over the stated variances, 3 if they are honest."""
+    return float(np.mean(np.sum((error_m / sigma_m) ** 2, axis=1)))
+
+
 def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
     """Return the ``MEASURES`` of one run, NaN if no pose was ever certain, and its latencies."""
     assert recording.gps is not None
     estimates, true = run.estimates, truth.camera[: len(run.estimates)]
     t_s, fix_t_s = recording.video.times_s[: len(estimates)], recording.gps.t_s
-    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - true
+    error_m, sigma_m = position_errors(estimates, true)
     later_m = np.linalg.norm(np.array([one.global_T_camera[:3, 3] for one in run.later]) - true, axis=1)
-    sigma_m = np.array([one.sigma_position_m for one in estimates])
     size, stated = np.linalg.norm(error_m, axis=1), np.linalg.norm(sigma_m, axis=1)
     newest = np.clip(np.searchsorted(fix_t_s, t_s, side="right") - 1, 0, None)
     certain = np.flatnonzero(stated < np.maximum(CERTAIN_M, WITHIN * truth.fix_sigma_m[newest]))
@@ -149,7 +159,7 @@ def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
         "mean_m": float(size.mean()),
         "max_m": float(size.max()),
         "later_mean_m": float(later_m[counts].mean()),
-        "nees": float(np.mean(np.sum((error_m[counts] / sigma_m[counts]) ** 2, axis=1))),
+        "nees": mean_nees(error_m[counts], sigma_m[counts]),
         "beyond_three_sigmas": float(np.mean(size > SIGMAS * stated)),
         "returned": after_return(recording, t_s[counts], size),
         **latency,

@@ -18,7 +18,7 @@ import numpy as np
 
 from scripts.common.command import ScriptParser, add_seeds
 from scripts.common.drives import Drive, open_drive
-from scripts.common.live_runs import SIGMAS, run_live
+from scripts.common.live_runs import SIGMAS, mean_nees, position_errors, run_live
 from scripts.common.markdown import LiveTable
 from scripts.common.replayed_errors import REPLAYED, make_errors
 from vgps.geometry import interpolate_poses
@@ -51,8 +51,7 @@ def live_row(recording: Recording, true: FloatArray, seed: int) -> dict[str, flo
         seed: Of the run.
     """
     estimates = run_live(recording, seed).estimates
-    error_m = np.array([one.global_T_camera[:3, 3] for one in estimates]) - true[: len(estimates)]
-    sigma_m = np.array([one.sigma_position_m for one in estimates])
+    error_m, sigma_m = position_errors(estimates, true)
     size, stated = np.linalg.norm(error_m, axis=1), np.linalg.norm(sigma_m, axis=1)
     posed = np.isfinite(size)
     late = posed & (np.arange(len(size)) >= len(size) // 2)
@@ -61,7 +60,7 @@ def live_row(recording: Recording, true: FloatArray, seed: int) -> dict[str, flo
     return {
         "mean_m": float(size[late].mean()),
         "sigma_m": float(stated[late].mean()),
-        "nees": float(np.mean(np.sum((error_m[late] / sigma_m[late]) ** 2, axis=1))),
+        "nees": mean_nees(error_m[late], sigma_m[late]),
         "beyond": float(np.mean(size[posed] > SIGMAS * stated[posed])),
     }
 

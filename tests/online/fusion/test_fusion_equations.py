@@ -61,7 +61,7 @@ def test_the_gradient_is_that_of_the_cost(fit):
             assert gradient[node, unknown] == pytest.approx(numeric, rel=1e-3)
 
 
-def test_the_prior_of_a_lever_arm_is_that_of_all_nodes_together(fit):
+def test_the_prior_of_a_lever_arm_has_its_covariance(fit):
     covariance = np.diag([0.04, 0.25, 1.0])
     prior = vague_prior(fit.state, np.ones(2), covariance)
     away = np.zeros_like(fit.state.values)

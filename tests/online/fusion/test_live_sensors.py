@@ -123,6 +123,14 @@ def test_the_user_hears_of_a_clock_whose_change_counts():
     assert sensors.news(TimeOffset(0.35, 0.05)) == ()
 
 
+def test_and_nothing_of_one_that_was_measured_however_the_fits_pull_at_it():
+    fixes = buffer(FixClass.RTK_FIX)
+    sensors = LiveSensors(fixes, CONFIG.sensors, antenna_known=True)
+    sensors.expect(fixes)
+    sensors.lever_arm = LeverArm.within(ANTENNA + np.array([0.0, 0.0, 1e-3]))  # by ten standard deviations
+    assert sensors.news(TimeOffset(0.0, 0.01)) == ()
+
+
 def test_and_of_an_antenna_that_is_surely_elsewhere():
     sensors, _ = unknown(FixClass.SINGLE)
     same = TimeOffset(0.0, 0.01)

@@ -17,8 +17,8 @@ from vgps.model import FloatArray
 from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
-# Of a map's path, to compare displacements, or fits where the lever arm is not known: these are sure of a
-# wrong time offset within seconds. It is longer each time.
+# Of a map's path, to compare displacements, or whole fits where the lever arm is not known, since one fit may
+# be sure of a wrong time offset within seconds; and by how much longer it is each time.
 _FIRST_S, _FIRST_BY_FITS_S, _LONGER = 8.0, 3.0, 1.25
 
 

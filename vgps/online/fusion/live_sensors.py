@@ -94,9 +94,9 @@ class LiveSensors:
 
     def news(self, time_offset: TimeOffset) -> tuple[str, ...]:
         """Return sentences for the user: if the time offset has changed by more than its standard deviation,
-        if the lever arm is missed, and if fixes contradict the one that the user last heard of."""
-        missed = self._news_of_missing_lever_arm() + self._news_of_lever_arm(self.lever_arm)
-        return self._news_of_time_offset(time_offset) + missed
+        if the lever arm is missing, and if fixes contradict the one that the user last heard of."""
+        of_lever_arm = self._news_of_missing_lever_arm() + self._news_of_lever_arm(self.estimated_lever_arm)
+        return self._news_of_time_offset(time_offset) + of_lever_arm
 
     def _news_of_time_offset(self, now: TimeOffset) -> tuple[str, ...]:
         if abs(now.time_offset_s - self._told_s) <= now.sigma_s:
@@ -117,7 +117,9 @@ class LiveSensors:
             "camera_p_antenna in rig.yaml",
         )
 
-    def _news_of_lever_arm(self, now: LeverArm) -> tuple[str, ...]:
+    def _news_of_lever_arm(self, now: LeverArm | None) -> tuple[str, ...]:
+        if now is None:
+            return ()
         away = now.camera_p_antenna - self._told_antenna
         if away @ np.linalg.solve(now.covariance, away) <= _FAR_SIGMAS**2:
             return ()
