@@ -6,6 +6,7 @@ from fused_drives import DrivingCamera, fit_input, fixed_then_float
 
 import vgps
 from vgps.model import FixClass
+from vgps.online.fusion.fusion_equations import TIME_OFFSET
 from vgps.online.fusion.fusion_fit import fit, fit_with_verdicts, newest_fit
 
 CONFIG = vgps.Config()
@@ -37,6 +38,10 @@ def test_new_fixes_count_at_once_as_in_a_whole_fit(drive, delay_s):
     assert np.linalg.norm(position[0] - position[1]) < 0.25 * correction
     sigmas = [np.sqrt(np.diag(one.covariance_at_end(now.path, CONFIG))) for one in (newest, whole)]
     np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.1)
+    stated_s = newest.covariance[TIME_OFFSET, TIME_OFFSET] ** 0.5
+    assert (
+        newest.time_offset.sigma_s == pytest.approx(stated_s) and stated_s > 0.999 * last.time_offset.sigma_s
+    )
 
 
 def test_a_fit_finds_what_the_next_one_begins_with(drive):

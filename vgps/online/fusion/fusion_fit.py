@@ -13,9 +13,11 @@ from vgps.model import BoolArray, IntArray
 from vgps.online.fusion.clock_profile import profiled_time_offset, unsure_time_offset
 from vgps.online.fusion.clock_watch import shown_time_offset
 from vgps.online.fusion.doubted_fixes import Doubt, doubt_about
+from vgps.online.fusion.fusion_equations import TIME_OFFSET
 from vgps.online.fusion.gravity import Gravity
 from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
+from vgps.online.fusion.live_time_offset import with_time_offset_sigma
 from vgps.online.fusion.node_fixes import SAME_TIME_S
 from vgps.online.fusion.path_fusion import FusedPath, fuse
 from vgps.online.fusion.video_path import VideoPath
@@ -85,6 +87,10 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
         return None
     path = given.path.since(begin_s)
     fused = fuse(path, fixes, given.lever_arm, _as_learned(config, last), last, given.gravity)
+    if fused.time_offset.sigma_s < last.time_offset.sigma_s:
+        # what is carried has no bends of the path, so that a few fixes seem surer of the clock than all are
+        covariance = with_time_offset_sigma(fused.covariance, TIME_OFFSET, last.time_offset.sigma_s)
+        fused = replace(fused, time_offset=last.time_offset, covariance=covariance)
     return None if _surprises(fused, given, path, config) else fused
 
 
