@@ -8,6 +8,7 @@ from vgps.config import Config
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FixClass
+from vgps.online.fusion.clock_profile import ProfiledClock
 from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.live_sensors import LiveSensors
 
@@ -140,3 +141,25 @@ def test_and_of_an_antenna_that_is_surely_elsewhere():
     (sentence,) = sensors.news(same)
     assert "0.10 +- 0.50 m right, -0.90 +- 1.00 m down, 0.40 +- 0.10 m forward" in sentence
     assert sensors.news(same) == ()
+
+
+def test_a_clock_that_was_found_is_believed_as_far_as_it_was_shown():
+    config = Config()
+    sensors, _ = unknown(FixClass.RTK_FIX)
+    assert sensors.settings(config) is config
+    assert not sensors.finds_another_clock(ProfiledClock(TimeOffset(0.3, 0.1), away_s=0.3))
+    assert sensors.clock_away_s == 0.3 and sensors.settings(config) is config
+    assert sensors.finds_another_clock(ProfiledClock(TimeOffset(0.28, 0.08), away_s=0.28))
+    assert sensors.known_s == 0.28 and sensors.clock_away_s == 0.0
+    used = sensors.settings(config).sensors
+    assert used.estimate_time_offset == "yes" and used.time_offset_sigma_s == 0.08
+    sensors.follow(Fit)
+    sensors.begin_map()
+    assert sensors.settings(config).sensors.time_offset_sigma_s == 0.01
+
+
+def test_a_clock_that_is_held_stays_held():
+    held = Config.model_validate({"sensors": {"estimate_time_offset": "no", "time_offset_s": 0.2}})
+    sensors, _ = unknown(FixClass.RTK_FIX, config=held)
+    sensors.known_s = 0.3
+    assert sensors.settings(held) is held

@@ -17,9 +17,9 @@ from vgps.model import FloatArray
 from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
-# Of a map's path, to compare displacements, or whole fits where the lever arm is not known, since one fit may
-# be sure of a wrong time offset within seconds; and by how much longer it is each time.
-_FIRST_S, _FIRST_BY_FITS_S, _LONGER = 8.0, 3.0, 1.25
+# Of a map's path, since a fit may be sure of a wrong time offset within seconds; and by how much longer it is
+# each time.
+_FIRST_S, _LONGER = 1.34, 1.25
 
 
 class ClockWatch:
@@ -27,19 +27,18 @@ class ClockWatch:
 
     Args:
         config: From how many standard deviations on two time offsets differ.
-        by_fits: Whether the lever arm is not known.
     """
 
-    def __init__(self, config: SensorsConfig, *, by_fits: bool = False) -> None:
-        self._config = config
-        self._next_s = _FIRST_BY_FITS_S if by_fits else _FIRST_S
+    def __init__(self, config: SensorsConfig) -> None:
+        self._config, self._next_s = config, _FIRST_S
         self._shown: TimeOffset | None = None
 
     def is_due(self, path_s: float) -> bool:
         """Return whether to compare now, after so many seconds of path."""
         if path_s < self._next_s:
             return False
-        self._next_s = _LONGER * path_s
+        while self._next_s <= path_s:
+            self._next_s *= _LONGER
         return True
 
     def confirmed(self, shown: TimeOffset | None) -> TimeOffset | None:

@@ -8,9 +8,14 @@ from vgps.config import Config
 from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import with_errors
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
-from vgps.gps.sensors import TimeOffset
 from vgps.model import BoolArray, IntArray
-from vgps.online.fusion.clock_profile import profiled_time_offset, unsure_time_offset
+from vgps.online.fusion.clock_profile import (
+    NOTHING_SHOWN,
+    ProfiledClock,
+    noisier_than_expected,
+    profiled_time_offset,
+    unsure_time_offset,
+)
 from vgps.online.fusion.clock_watch import shown_time_offset
 from vgps.online.fusion.doubted_fixes import Doubt, doubt_about
 from vgps.online.fusion.fusion_equations import TIME_OFFSET
@@ -24,6 +29,7 @@ from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
 _SURPRISE = 14.2  # squared sigmas, which 99.7 % of Gaussian errors in space do not reach
+_COMPARED_S, _TURNING_S = 8.0, 3.2  # of a path whose displacements, or unknown lever arm, show a clock
 _MOST_JUDGED, _NEWEST_JUDGED = 120, 40  # fixes; thousands would take a second
 
 
@@ -31,8 +37,8 @@ _MOST_JUDGED, _NEWEST_JUDGED = 120, 40  # fixes; thousands would take a second
 class FitResult:
     """A fit, and the verdicts (M,) on the fixes with sequence numbers (M,) that it follows.
 
-    ``surprising``: whether its newest fixes call for verdicts. ``shown``: the rest of the time offset, where
-    displacements or fits with another one contradict this fit, if it was looked for. ``doubt``: about new
+    ``surprising``: whether its newest fixes call for verdicts. ``clock``: where displacements
+    or fits with another time offset contradict this fit, if it was looked for. ``doubt``: about new
     fixes that the last fit contradicts.
     """
 
@@ -40,7 +46,7 @@ class FitResult:
     number: IntArray
     assessment: FixAssessment
     surprising: bool = False
-    shown: TimeOffset | None = None
+    clock: ProfiledClock = NOTHING_SHOWN
     doubt: Doubt | None = None
 
 
@@ -50,7 +56,8 @@ class FitInput:
 
     ``is_new``: (M,) which fixes the last fit did not know; they come after it, but may be of a time before
     its end. ``watches_clock``: whether to look for another time offset once the fit is found. ``lever_arm``:
-    as known so far; ``unsure_of_antenna``: whether the antenna may be farther off than a camera's own one.
+    as known so far; ``unsure_of_antenna``: whether the antenna may be farther off than a camera's own one;
+    ``clock_away_s``: how far from what is believed the best of fits at other time offsets was.
     """
 
     path: VideoPath
@@ -63,6 +70,7 @@ class FitInput:
     gravity: Gravity | None = None
     watches_clock: bool = False
     unsure_of_antenna: bool = False
+    clock_away_s: float = 0.0
 
 
 def fit(given: FitInput, config: Config) -> FitResult:
@@ -86,7 +94,8 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
     if not len(new_s) or new_s.min() <= begin_s + SAME_TIME_S:
         return None
     path = given.path.since(begin_s)
-    fused = fuse(path, fixes, given.lever_arm, _as_learned(config, last), last, given.gravity)
+    used = _doubting(_as_learned(config, last), given)
+    fused = fuse(path, fixes, given.lever_arm, used, last, given.gravity)
     if fused.time_offset.sigma_s < last.time_offset.sigma_s:
         # what is carried has no bends of the path, so that a few fixes seem surer of the clock than all are
         covariance = with_time_offset_sigma(fused.covariance, TIME_OFFSET, last.time_offset.sigma_s)
@@ -130,13 +139,27 @@ def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config
         result = replace(result, doubt=doubt)
     if not given.watches_clock:
         return result
-    shown, believed = None, fused.time_offset
-    if not given.unsure_of_antenna:  # of which displacements know nothing
+    return replace(result, clock=_watched_clock(given, fixes, fused, config))
+
+
+def _watched_clock(given: FitInput, fixes: Fixes, fused: FusedPath, config: Config) -> ProfiledClock:
+    """Return what displacements show of the clock, or else fits at other time offsets, where one is unsure of
+    it or may be wrong."""
+    path, believed = given.path, fused.time_offset
+    path_s = path.t_s[-1] - path.t_s[0]
+    if path_s >= _COMPARED_S and not given.unsure_of_antenna:  # of which displacements know nothing
         antenna = given.lever_arm.camera_p_antenna
         shown = shown_time_offset(path, fused.to_world(path), fixes, antenna, believed, config.sensors)
-    if shown is None and (given.unsure_of_antenna or unsure_time_offset(believed, config.sensors)):
-        shown = profiled_time_offset(path, fixes, fused, _as_learned(config, fused), given.gravity)
-    return replace(result, shown=shown)
+        if shown is not None:
+            return ProfiledClock(shown)
+    if (
+        given.clock_away_s > 0.0
+        or noisier_than_expected(fused)
+        or (path_s >= _TURNING_S and given.unsure_of_antenna)
+        or (path_s >= _COMPARED_S and unsure_time_offset(believed, config.sensors))
+    ):
+        return profiled_time_offset(path, fixes, fused, _as_learned(config, fused), given.gravity)
+    return NOTHING_SHOWN
 
 
 def _judged(count: int) -> BoolArray:
@@ -174,10 +197,17 @@ def _as_learned(config: Config, last: FusedPath | None) -> Config:
     return config.model_copy(update={"gps": with_errors(config.gps, last.learned)})
 
 
+def _doubting(config: Config, given: FitInput) -> Config:
+    """Return settings with which no fit is surer of its clock than fits at other time offsets were."""
+    trusted_s = float(np.hypot(config.sensors.trusted_time_offset_s, given.clock_away_s))
+    sensors = config.sensors.model_copy(update={"trusted_time_offset_s": trusted_s})
+    return config.model_copy(update={"sensors": sensors})
+
+
 def _learning_fit(given: FitInput, fixes: Fixes, config: Config) -> FusedPath:
     """Return a fit with errors of fixes as the last one shows them, and with what it shows itself."""
     used = _as_learned(config, given.last)
-    fused = fuse(given.path, fixes, given.lever_arm, used, given.last, given.gravity)
+    fused = fuse(given.path, fixes, given.lever_arm, _doubting(used, given), given.last, given.gravity)
     if not config.gps.learns:
         return fused.with_carried()
     shown = errors_in_fit(fused.nodes, fused.state, fused.system, config.gps, used.gps)

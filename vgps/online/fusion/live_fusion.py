@@ -136,7 +136,7 @@ class LiveFusion:
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
         self._heed(result.doubt)
-        if given.watches_clock and self.sensors.finds_another_clock(result.shown):
+        if given.watches_clock and self.sensors.finds_another_clock(result.clock):
             self._begin_anew()
 
     def _heed(self, doubt: Doubt | None) -> None:
@@ -168,7 +168,7 @@ class LiveFusion:
 
     def _start(self, work: Callable[[FitInput, Config], FitResult], given: FitInput, seconds: float) -> None:
         due_s = float(self._frame_pipeline.t_s[-1]) + seconds
-        self._job = FitJob(due_s, given, begin(work, given, self._config))
+        self._job = FitJob(due_s, given, begin(work, given, self.sensors.settings(self._config)))
 
     def use_new_fixes(self) -> None:
         """Use a fit that is due, and let the fixes count that came since, before the fit to all is there."""
@@ -181,7 +181,8 @@ class LiveFusion:
             return
         self._newest, self._newest_fixes = self._fused, fixes
         with suppress(np.linalg.LinAlgError):  # the fit to all says so
-            self._newest = newest_fit(self._given(current), self._config) or self._fused
+            settings = self.sensors.settings(self._config)
+            self._newest = newest_fit(self._given(current), settings) or self._fused
 
     def to_world(self, current: LocalMap | None) -> Similarity | None:
         """Return the similarity from the newest map to the world at its end; None before the first fit."""
@@ -289,6 +290,7 @@ class LiveFusion:
             last=self._fused,
             gravity=self._gravity,
             unsure_of_antenna=self.sensors.unsure_of_antenna,
+            clock_away_s=self.sensors.clock_away_s,
         )
 
     def _begin(self, current: LocalMap) -> None:

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from vgps.config import SensorsConfig
+from vgps.config import Config, SensorsConfig
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.sensors import TimeOffset
+from vgps.online.fusion.clock_profile import ProfiledClock
 from vgps.online.fusion.clock_watch import ClockWatch
 from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.path_fusion import FusedPath
@@ -27,11 +28,15 @@ class LiveSensors:
         known_s: The time offset with which the fits of the newest map began; they find the rest of it.
         lever_arm: As known so far.
         clock_watch: Of the newest map.
+        clock_away_s: By how much fits at other time offsets contradict what is believed.
     """
 
     def __init__(self, fix_buffer: FixBuffer, config: SensorsConfig, *, antenna_known: bool) -> None:
         self._config, self._antenna_known = config, antenna_known
-        self.known_s = self._time_offset_s = self._told_s = config.time_offset_s
+        self.known_s = self._told_s = config.time_offset_s
+        self._time_offset = TimeOffset(self.known_s, config.time_offset_sigma_s)
+        self._known_sigma_s = config.time_offset_sigma_s
+        self.clock_away_s = 0.0
         self._given = fix_buffer.sensors
         self._expected = replace(self._given, antenna_sigma_m=0.0)  # until there are fixes
         self._told_antenna, self._told_missing = self._given.prior_antenna, False
@@ -48,10 +53,19 @@ class LiveSensors:
         """Whether the antenna may be farther from where it is thought than a camera's own one."""
         return self._expected.antenna_sigma_m > self._config.unknown_antenna_sigma_m
 
+    def settings(self, config: Config) -> Config:
+        """Return the settings of a fit; once another clock was found, no rest of it is the likeliest."""
+        if self.known_s == self._config.time_offset_s or self._config.estimate_time_offset == "no":
+            return config
+        found = {"estimate_time_offset": "yes", "time_offset_sigma_s": self._known_sigma_s}
+        return config.model_copy(update={"sensors": config.sensors.model_copy(update=found)})
+
     def begin_map(self) -> None:
         """Let the fits of a new map begin with what those before have shown."""
-        self.known_s, self._known_arm = self._time_offset_s, self.lever_arm
-        self.clock_watch = ClockWatch(self._config, by_fits=self.unsure_of_antenna)
+        self.known_s, self._known_sigma_s = self._time_offset.time_offset_s, self._time_offset.sigma_s
+        self._known_arm = self.lever_arm
+        self.clock_away_s = 0.0
+        self.clock_watch = ClockWatch(self._config)
 
     def begin_anew(self) -> None:
         """Forget what the fits of the newest map have shown of the lever arm."""
@@ -70,7 +84,7 @@ class LiveSensors:
         if anew:
             self._expected = sensors
             self.lever_arm = self._known_arm = LeverArm.within(sensors.prior_antenna, sensors.antenna_sigma_m)
-            self.clock_watch = ClockWatch(self._config, by_fits=self.unsure_of_antenna)
+            self.clock_watch = ClockWatch(self._config)
         fix_buffer.sensors = replace(
             fix_buffer.sensors,
             antenna_sigma_m=self._expected.antenna_sigma_m,
@@ -78,19 +92,22 @@ class LiveSensors:
         )
         return anew
 
-    def finds_another_clock(self, shown: TimeOffset | None) -> bool:
+    def finds_another_clock(self, watched: ProfiledClock) -> bool:
         """Return whether the fits must begin anew, as another rest of the time offset was shown again."""
-        found = self.clock_watch.confirmed(shown)
+        self.clock_away_s = watched.away_s
+        found = self.clock_watch.confirmed(watched.shown)
         if found is None:
             return False
         self.known_s += found.time_offset_s
+        self._known_sigma_s = found.sigma_s
+        self.clock_away_s = 0.0
         return True
 
     def follow(self, fused: FusedPath) -> TimeOffset:
         """Take over what a fit shows, and return its time offset."""
         rest, self.lever_arm = fused.time_offset, fused.lever_arm
-        self._time_offset_s = self.known_s + rest.time_offset_s
-        return TimeOffset(self._time_offset_s, rest.sigma_s)
+        self._time_offset = TimeOffset(self.known_s + rest.time_offset_s, rest.sigma_s)
+        return self._time_offset
 
     def news(self, time_offset: TimeOffset) -> tuple[str, ...]:
         """Return sentences for the user: if the time offset has changed by more than its standard deviation,
