@@ -1,10 +1,11 @@
 """Is a live pose better than the fixes, and how much worse than offline?
 
-Recorded logs run through `vgps online` as fast as it goes. The error is that of each pose as it came, against
-the truth and unaligned. It counts from the first pose whose stated sigma is below one metre, or within
-a tenth of that of the offsets of fixes. A second later is the same pose with what came in that second, as
-``vgps online --lag-s 1`` writes it. NEES is the squared error over the stated variances, 3 if they are
-honest.
+Recorded logs run through `vgps online` as fast as it goes, where poses wait for the fits that are due, or
+with ``--realtime`` as from a camera: at the video's pace, where they wait for none, so that latencies are a
+user's. The error is that of each pose as it came, against the truth and unaligned. It counts from the first
+pose whose stated sigma is below one metre, or within a tenth of that of the offsets of fixes. A second later
+is the same pose with what came in that second, as ``vgps online --lag-s 1`` writes it. NEES is the squared
+error over the stated variances, 3 if they are honest.
 """
 
 import argparse
@@ -50,7 +51,8 @@ def one_run(folder: Path, gps: str, given: argparse.Namespace, seed: int) -> dic
         VgpsError: The recording or its truth cannot be read.
     """
     recording = vgps.open_recording(folder, gps=gps, imu=given.imu, rig=given.rig)
-    found = score(recording, truth_of(recording), run_live(recording, seed, given.delay_s))
+    run = run_live(recording, seed, given.delay_s, realtime=given.realtime)
+    found = score(recording, truth_of(recording), run)
     found["offline_mean_m"] = offline_mean_m(recording, seed) if given.offline else np.nan
     imu = " with IMU" if recording.imu is not None else ""
     measures = {name: found[name] for name in list(COLUMNS)[2:]}
@@ -67,6 +69,7 @@ def main() -> None:
     parser.add_argument("--imu", help="log of an IMU; a path, or a name inside the recordings")
     parser.add_argument("--rig", help="rig.yaml with its mounting; likewise")
     parser.add_argument("--offline", action="store_true", help="run `vgps smooth` too")
+    parser.add_argument("--realtime", action="store_true", help="at the video's pace, as from a camera")
     add_delay(parser)
     add_seeds(parser, 1)
     given = parser.parse_args()

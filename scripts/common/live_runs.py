@@ -15,6 +15,7 @@ import numpy as np
 
 import vgps
 from scripts.common.recordings import read_truth
+from vgps.config import OnlineConfig
 from vgps.geodesy import to_enu
 from vgps.geometry import interpolate_poses
 from vgps.gps.fix_errors import region_sigmas
@@ -84,10 +85,14 @@ def offset_sigmas(fixes: Fixes) -> FloatArray:
 
 @dataclass(frozen=True)
 class LiveRun:
-    """Estimates of all frames as they come, and each with what came in the second after it."""
+    """Estimates of all frames as they come, and each with what came in the second after it.
+
+    ``latency_s``: from the frame's arrival to its pose, of each.
+    """
 
     estimates: list[OnlineEstimate]
     later: list[OnlineEstimate]
+    latency_s: list[float]
 
 
 def delayed_fixes(feed: Iterable[FeedItem], delay_s: float) -> Iterator[FeedItem]:
@@ -104,16 +109,23 @@ def delayed_fixes(feed: Iterable[FeedItem], delay_s: float) -> Iterator[FeedItem
     yield from waiting
 
 
-def run_live(recording: Recording, seed: int, delay_s: float = 0.0) -> LiveRun:
-    """Return the estimates of a run whose fixes come so much later than they were taken."""
-    smoother = OnlineSmoother(recording.camera, recording.rig, vgps.Config(seed=seed), imu=recording.imu)
-    delayed, run, stop = DelayedEstimates(smoother, LATER_S), LiveRun([], []), threading.Event()
+def run_live(recording: Recording, seed: int, delay_s: float = 0.0, *, realtime: bool = False) -> LiveRun:
+    """Return the estimates of a run whose fixes come so much later than they were taken.
 
-    def sink(estimate: OnlineEstimate, _: float) -> None:
+    With ``realtime`` frames come as those of a camera do: at the video's own pace, and no pose waits for a
+    fit.
+    """
+    config = vgps.Config(seed=seed, online=OnlineConfig(repeatable=not realtime))
+    smoother = OnlineSmoother(recording.camera, recording.rig, config, imu=recording.imu)
+    delayed, run, stop = DelayedEstimates(smoother, LATER_S), LiveRun([], [], []), threading.Event()
+
+    def sink(estimate: OnlineEstimate, latency_s: float) -> None:
         run.estimates.append(estimate)
+        run.latency_s.append(latency_s)
         run.later.extend(one for one, _ in delayed.add(estimate, 0.0))
 
-    run_online(delayed_fixes(replay(recording, stop), delay_s), smoother, sink, stop)
+    feed = replay(recording, stop, realtime=realtime)
+    run_online(delayed_fixes(feed, delay_s), smoother, sink, stop)
     run.later.extend(one for one, _ in delayed.rest())
     return run
 
@@ -147,8 +159,8 @@ def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
     certain = np.flatnonzero(stated < np.maximum(CERTAIN_M, WITHIN * truth.fix_sigma_m[newest]))
     first = int(certain[0]) if len(certain) else len(t_s)
     counts = np.isfinite(size) & (np.arange(len(t_s)) >= first)
-    seconds = np.array([one.seconds for one in estimates])
-    latency = dict(zip(("pose_p50_ms", "pose_p99_ms"), 1e3 * np.percentile(seconds, [50, 99]), strict=True))
+    milliseconds = 1e3 * np.percentile(run.latency_s, [50, 99])
+    latency = dict(zip(("pose_p50_ms", "pose_p99_ms"), milliseconds.tolist(), strict=True))
     if not counts.any():
         return dict.fromkeys(MEASURES, np.nan) | latency
     size, stated = size[counts], stated[counts]

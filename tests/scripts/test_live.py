@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import vgps
 from scripts.benchmarks import live
 from scripts.common import live_runs
 from vgps.model import FixClass
@@ -25,6 +26,24 @@ def test_each_log_has_a_row(brief, tmp_path, monkeypatch, capsys):
     assert 0.0 < row["mean_m"] < row["max_m"] < 0.5 and row["fixes_mean_m"] < 0.1
     assert row["pose_p50_ms"] <= row["pose_p99_ms"] and row["offline_mean_m"] is None
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"| {brief.name} gps | 0 | ")
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_poses_as_from_a_camera_come_at_its_pace_and_wait_for_no_fit(brief, monkeypatch, realtime):
+    paces, repeatable, smoother = [], [], live_runs.OnlineSmoother
+
+    def replay(_recording, _stop, *, realtime):
+        paces.append(realtime)
+        return iter(())
+
+    def made(camera, rig, config, **rest):
+        repeatable.append(config.online.repeatable)
+        return smoother(camera, rig, config, **rest)
+
+    monkeypatch.setattr(live_runs, "replay", replay)
+    monkeypatch.setattr(live_runs, "OnlineSmoother", made)
+    run = live_runs.run_live(vgps.open_recording(brief), 0, realtime=realtime)
+    assert run.estimates == [] and paces == [realtime] and repeatable == [not realtime]
 
 
 def recorded(classes):
@@ -49,13 +68,12 @@ def test_errors_count_from_the_first_certain_pose():
         SimpleNamespace(
             global_T_camera=np.diag([1.0, 1.0, 1.0, 1.0]) + 0.3 * np.eye(4, k=3),
             sigma_position_m=np.full(3, s / np.sqrt(3.0)),
-            seconds=0.01,
         )
         for s in sigma
     ]
     truth = live_runs.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
     later = [SimpleNamespace(global_T_camera=np.eye(4) + 0.1 * np.eye(4, k=3))] * 8
-    found = live_runs.score(recorded([fix] * 4), truth, live_runs.LiveRun(estimates, later))
+    found = live_runs.score(recorded([fix] * 4), truth, live_runs.LiveRun(estimates, later, [0.01] * 8))
     assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
     assert found["later_mean_m"] == pytest.approx(0.1)
     assert found["fixes_mean_m"] == pytest.approx(np.sqrt(3.0)) and np.isnan(found["returned"])
