@@ -193,6 +193,30 @@ def test_a_wrong_fix_has_its_verdict_after_two_frames():
 
 
 @pytest.mark.slow
+def test_of_ten_fixes_a_second_three_share_a_fit_unless_one_surprises(monkeypatch):
+    """They count at once all the same."""
+    newest_s, begun, wrong = [], live_fusion.begin, 72
+    pipeline, wrong_m = Pipeline(), np.where(np.arange(90)[:, None] == wrong, 8.0, np.zeros(3))
+    pipeline.to_come = DrivingCamera(500).fixes([FixClass.RTK_FIX] * 90, wrong_m, every=1)
+
+    def begin(work, given, config):
+        newest_s.append(given.fixes.t_s[-1])
+        return begun(work, given, config)
+
+    monkeypatch.setattr(live_fusion, "begin", begin)
+    while len(pipeline.t_s) <= wrong:
+        pipeline.frame()
+        if len(pipeline.t_s) > 60:
+            assert pipeline.error_m() < 0.05
+    np.testing.assert_allclose(np.diff(newest_s[-10:]), 0.3)
+    assert newest_s[-1] == pytest.approx(7.0)
+    while not pipeline.fix_buffer.assessment.rejected.any():
+        pipeline.frame()
+    assert np.isclose(newest_s, 7.2).any() and pipeline.t_s[-1] == pytest.approx(7.4)
+    assert pipeline.error_m() < 0.05
+
+
+@pytest.mark.slow
 def test_sigmas_cover_that_fixes_are_wrong_which_the_path_before_contradicts_until_right_ones_return():
     pipeline, drive = Pipeline(drift=0.2), DrivingCamera(500)
     kinds = np.repeat([FixClass.RTK_FIX, FixClass.DGPS, FixClass.RTK_FIX], [20, 8, 22]).tolist()

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vgps.config import Config
+from vgps.gps.fix_buffer import FixBuffer
 from vgps.mapping.local_map import LocalMap
 from vgps.model import FloatArray
 from vgps.online.fusion.fusion_fit import FitInput, FitResult
+from vgps.online.fusion.node_fixes import SAME_TIME_S
 
 # Time after which a fit is used, without and with verdicts, however quickly it was found.
 FIT_S, VERDICT_S = 0.05, 0.13
@@ -26,20 +29,41 @@ class FitJob:
         return t_s >= self.due_s and (repeatable or self.fit.done())
 
 
+def fixes_until(t_s: float, fix_buffer: FixBuffer) -> tuple[int, float]:
+    """Return how many fixes have come for times until one, and the newest of their times."""
+    came = fix_buffer.fixes.t_s <= t_s
+    newest_s = float(fix_buffer.fixes.t_s[came].max(initial=-np.inf))
+    return int(fix_buffer.number[came].max(initial=-1)) + 1, newest_s
+
+
 @dataclass(frozen=True)
 class SeenByFit:
-    """What a fit saw: numbers of frames and fixes, and the map's last frame with its pose (4, 4)."""
+    """What a fit sees: number of frames, time of the newest fix, the map's last frame and its pose (4, 4)."""
 
     frames: int
-    fixes: int
+    newest_fix_s: float
     last_frame: int
     pose: FloatArray
 
     @classmethod
-    def of(cls, current: LocalMap, frames: int, fixes: int) -> "SeenByFit":
-        """Return what a fit sees of a map now."""
-        return cls(frames, fixes, current.next_frame - 1, current.poses[-1].copy())
+    def of(cls, current: LocalMap, t_s: FloatArray, fix_buffer: FixBuffer) -> "SeenByFit":
+        """Return what a fit sees of a map now, by the times (F,) of all frames and the fixes that came."""
+        _, newest_fix_s = fixes_until(float(t_s[-1]), fix_buffer)
+        return cls(len(t_s), newest_fix_s, current.next_frame - 1, current.poses[-1].copy())
 
-    def same_shape(self, current: LocalMap) -> bool:
+    def calls_for_another(self, now: "SeenByFit", current: LocalMap, config: Config) -> bool:
+        """Return whether what is seen now, or a change of the map, calls for another fit.
+
+        New fixes do once they are of another offset than those seen: until then fits to the newest ones alone
+        say as much.
+        """
+        since_s = now.newest_fix_s - self.newest_fix_s  # NaN without fixes
+        return (
+            since_s > config.gps.memory.interval_s - SAME_TIME_S
+            or now.frames >= self.frames + config.window.every_frames
+            or not self._same_shape(current)
+        )
+
+    def _same_shape(self, current: LocalMap) -> bool:
         """Return whether the map has not changed since but for new frames; stage C changes its scale."""
         return np.array_equal(current.pose(self.last_frame), self.pose, equal_nan=True)

@@ -13,7 +13,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion.doubted_fixes import Doubt
-from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit
+from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit, fixes_until
 from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.fusion.gravity import Gravity
@@ -57,6 +57,7 @@ class LiveFusion:
         self._camera = frame_pipeline.camera  # of the newest fit
         self._newest: FusedPath | None = None  # the fit in use, or one to fixes that came since
         self._newest_fixes = 0  # their number when it was found
+        self._left_out = False  # whether it leaves out fixes that came since
         self._ended: tuple[LocalMap, FusedPath] | None = None  # the last map with a fit before the newest
         self._ties = PlaceTies.none()
         self._seen: SeenByFit | None = None  # None if a fit is due
@@ -172,17 +173,20 @@ class LiveFusion:
 
     def use_new_fixes(self) -> None:
         """Use a fit that is due, and let the fixes count that came since, before the fit to all is there."""
-        pipeline, current, fixes = self._frame_pipeline, self._frame_pipeline.current, self._fix_count()
+        current, now_s = self._frame_pipeline.current, float(self._frame_pipeline.t_s[-1])
         if current is None or current is not self._map:
             return
-        if self._job is not None and self._job.counts(pipeline.t_s[-1], self._config.online.repeatable):
+        if self._job is not None and self._job.counts(now_s, self._config.online.repeatable):
             self._take()
+        fixes, _ = fixes_until(now_s, self._frame_pipeline.fix_buffer)
         if self._fused is None or fixes == self._newest_fixes:
             return
-        self._newest, self._newest_fixes = self._fused, fixes
+        given = self._given(current)
+        self._newest, self._newest_fixes, self._left_out = self._fused, fixes, bool(given.is_new.any())
         with suppress(np.linalg.LinAlgError):  # the fit to all says so
-            settings = self.sensors.settings(self._config)
-            self._newest = newest_fit(self._given(current), settings) or self._fused
+            found = newest_fit(given, self.sensors.settings(self._config))
+            if found is not None:
+                self._newest, self._left_out = found, False
 
     def to_world(self, current: LocalMap | None) -> Similarity | None:
         """Return the similarity from the newest map to the world at its end; None before the first fit."""
@@ -240,18 +244,12 @@ class LiveFusion:
         return RetiredPoses(self._map.next_frame - len(poses), poses, True, self._map.bridged)
 
     def _is_due(self, current: LocalMap) -> bool:
-        seen, every_frames = self._seen, self._config.window.every_frames
-        return (
-            seen is None
-            or self._fix_count() != seen.fixes
-            or len(self._frame_pipeline.t_s) >= seen.frames + every_frames
-            or not seen.same_shape(current)
-        )
+        if self._seen is None or self._left_out:
+            return True
+        return self._seen.calls_for_another(self._sees(current), current, self._config)
 
-    def _fix_count(self) -> int:
-        """Return how many fixes have come for frames so far."""
-        fix_buffer, t_s = self._frame_pipeline.fix_buffer, self._frame_pipeline.t_s
-        return int(fix_buffer.number[fix_buffer.fixes.t_s <= t_s[-1]].max(initial=-1)) + 1
+    def _sees(self, current: LocalMap) -> SeenByFit:
+        return SeenByFit.of(current, self._frame_pipeline.t_s, self._frame_pipeline.fix_buffer)
 
     def placed(self) -> tuple[FusedPath, VideoPath] | None:
         """Return the fit in use and the path of the newest map; None before the first fit."""
@@ -295,6 +293,6 @@ class LiveFusion:
 
     def _begin(self, current: LocalMap) -> None:
         t_s = self._frame_pipeline.t_s
-        self._seen = SeenByFit.of(current, len(t_s), self._fix_count())
+        self._seen, self._left_out = self._sees(current), False
         due = self.sensors.clock_watch.is_due(float(t_s[-1] - t_s[current.first_frame]))
         self._start(fit, replace(self._given(current), watches_clock=due), FIT_S)
