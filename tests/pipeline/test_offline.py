@@ -250,18 +250,18 @@ def test_kitti07_with_rtk_fixes(data_dir, kitti07_fixed):
 
 @pytest.mark.slow
 def test_outliers_on_kitti03_are_all_found_and_no_others(data_dir):
-    """In its first half: scattered ones, and a cluster of six that agree and are labelled RTK-fix.
+    """In its first 36 s: scattered ones, and a cluster of six that agree and are labelled RTK-fix.
 
     The heights of the others err by metres.
     """
-    folder, frames = data_dir / "kitti03", 400
+    folder, frames = data_dir / "kitti03", 360
     drive = first_frames(vgps.open_recording(folder, gps="gps_outliers.nmea"), frames)
-    solution = vgps.smooth(drive, FEWER_FEATURES)
+    solution = vgps.smooth(drive, fewer_features(100))
     wrong = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
     rejected = np.flatnonzero([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
     assert rejected.tolist() == [row for row in wrong if solution.fix_times_s[row] < solution.t_s[-1]]
     # twice what it is with either of two seeds
-    assert errors(solution, folder).camera_horizontal_m.mean < 0.8
+    assert errors(solution, folder).camera_horizontal_m.mean < 0.5
     assert np.isfinite(solution.world_T_camera).all() and len(solution.t_s) == frames
     sigma_s = np.nan_to_num(solution.sensors.time_offset_sigma_s)  # NaN if it is not estimated
     assert abs(solution.sensors.time_offset_s) <= 3.0 * sigma_s < 0.09
@@ -280,7 +280,7 @@ def test_kitti07_with_isam2_in_front(data_dir):
 
 @pytest.mark.slow
 def test_a_drone_that_rises_before_it_flies_off_keeps_its_map(tmp_path):
-    simulate(tmp_path / "drone", half_size(shortened(SCENES["drone"], 12.0)))
-    solution = vgps.smooth(vgps.open_recording(tmp_path / "drone"))
+    simulate(tmp_path / "drone", half_size(shortened(SCENES["drone"], 10.0)))
+    solution = vgps.smooth(vgps.open_recording(tmp_path / "drone"), fewer_features(200))
     assert not [warning for warning in solution.warnings if "lost" in warning]
-    assert errors(solution, tmp_path / "drone").camera_position_m.max < 0.15
+    assert errors(solution, tmp_path / "drone").camera_position_m.max < 0.12
