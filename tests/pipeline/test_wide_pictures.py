@@ -18,15 +18,15 @@ pytestmark = pytest.mark.slow
 WALK = replace(
     SCENES["demo"],
     speed=((0.0, 1.2), (3.0, 1.2)),
-    fps=7,
+    fps=6,
     width=252,
     height=168,
-    focal_px=150.0,  # 80 degrees, at the scale of the others
+    focal_px=150.0,  # 80 degrees, at 1.7 times the scale of the others
     texture_scale=0.25,
     gps=GpsConfig(fix_share=0.5, interval_s=0.5),
 )
-SPHERE = replace(WALK, width=940, height=470, panorama_deg=360.0)
-CIRCLE = replace(WALK, width=510, height=510, panorama_deg=195.0)
+SPHERE = replace(WALK, width=564, height=282, panorama_deg=360.0)
+CIRCLE = replace(WALK, width=306, height=306, panorama_deg=195.0)
 FEWER_FEATURES = fewer_features(200)
 NO_GPS = fewer_features(200, gps={"model": "none"})
 
