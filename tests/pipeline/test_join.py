@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from block_laps import block_laps
+from fewer_features import fewer_features
 from solutions import on_a_rig
 from textured_room import CAMERA
 
@@ -25,7 +26,7 @@ from vgps.simulate.camera_path import level_path
 from vgps.simulate.scene import on_path
 from vgps.writers.run_folder import write_run
 
-DRIVE = replace(SCENES["drive"], width=360, height=180, focal_px=210.0, texture_scale=0.5)
+DRIVE = replace(SCENES["drive"], width=270, height=134, focal_px=157.5, texture_scale=0.5)
 ORIGIN = GeodeticPoint(34.7326, 135.7346, 121.0)
 
 
@@ -34,7 +35,7 @@ def laps() -> dict[str, SceneConfig]:
     poses = block_laps(1.9, side_m=24.0, step_m=0.8, lane_m=0.8)
     gps = replace(DRIVE.gps, fix_share=0.0)
     first = on_path(replace(DRIVE, gps=gps), level_path(poses, 10.0, slice(0, 100)))
-    second = replace(DRIVE, gps=replace(gps, seed=5), width=330, focal_px=188.0)
+    second = replace(DRIVE, gps=replace(gps, seed=5), width=246, focal_px=141.0)
     second = replace(second, camera_p_antenna=(0.3, -0.5, -1.0))
     return {"monday": first, "friday": on_path(second, level_path(poses, 10.0, slice(120, 220)))}
 
@@ -48,7 +49,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
             rig = folder / f"recording_{name}" / "rig.yaml"
             fields = yaml.safe_load(rig.read_text())
             rig.write_text(yaml.safe_dump({**fields, "world_origin": list(ORIGIN)}))
-        write_run(vgps.smooth(vgps.open_recording(folder / f"recording_{name}")), folder / name)
+        write_run(
+            vgps.smooth(vgps.open_recording(folder / f"recording_{name}"), fewer_features(150)), folder / name
+        )
         made.append(folder / name)
     return made
 
