@@ -57,7 +57,7 @@ def test_a_known_and_an_unknown_readout_help_alike(shaken: Path, tmp_path: Path)
 
 @pytest.mark.slow
 def test_a_phone_has_a_rolling_shutter_and_kitti_none(data_dir: Path, kitti07_fixed: vgps.Solution) -> None:
-    phone = smoothed(first_frames(vgps.open_recording(data_dir / "phone_gyro"), 70))
+    phone = smoothed(first_frames(vgps.open_recording(data_dir / "phone_gyro"), 55))
     assert 0.028 < (phone.camera.readout_s or 0.0) < 0.034  # 33 ms from frame to frame
     sensors = kitti07_fixed.sensors
     assert kitti07_fixed.camera.readout_s is None and "readout_s" not in sensors.camera_sigma
