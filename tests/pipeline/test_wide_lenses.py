@@ -20,7 +20,7 @@ def filmed(folder: Path, degrees: float) -> Path:
     scene = replace(
         SCENES["demo"],
         speed=((0.0, 1.2), (6.0, 1.2)),
-        fps=10,
+        fps=7,
         width=WIDTH,
         height=HEIGHT,
         fisheye_deg=degrees,
@@ -38,13 +38,13 @@ def mean_error_m(solution: vgps.Solution, folder: Path) -> float:
 
 @pytest.mark.slow
 def test_a_wide_lens_that_nobody_calibrated_is_as_good_as_a_narrow_one(tmp_path: Path) -> None:
-    """With 80 degrees and its calibration the walk has a mean error of 0.024 m: 1.3 times as much will do."""
+    """With 80 degrees and its calibration the walk has a mean error of 0.025 m: 1.3 times as much will do."""
     wide = filmed(tmp_path / "150", 150.0)
     (wide / "camera.yaml").unlink()
-    found = vgps.smooth(vgps.open_recording(wide), fewer_features(200))
+    found = vgps.smooth(vgps.open_recording(wide), fewer_features(150, camera_calibration={"max_pairs": 12}))
     assert found.camera.model == "fisheye"
     half, corner = np.degrees(
         angles("fisheye", parameters_of(found.camera), np.array([0.5, 1.0]) * CORNER_PX)
     )
     assert half == pytest.approx(37.5, rel=0.03) and corner == pytest.approx(75.0, rel=0.03)
-    assert mean_error_m(found, wide) < 0.031
+    assert mean_error_m(found, wide) < 0.033
