@@ -19,12 +19,12 @@ CONFIG = Config()
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def two_maps(aligned=(True, True)):
+def two_maps(aligned=(True, True), last=27):
     """Frames 0-27 and 32-59 of a drive; a map that is not aligned lies elsewhere, at another scale."""
     problem, true, t_s, fixes = scene(disturbed=0.0)
     maps = [
-        map_of(problem, first, last, aligned=placed)
-        for first, last, placed in zip((0, 32), (27, 59), aligned, strict=True)
+        map_of(problem, begin, end, aligned=placed)
+        for begin, end, placed in zip((0, 32), (last, 59), aligned, strict=True)
     ]
     elsewhere = Similarity(0.2, TURN, np.array([5.0, 5.0, 5.0]))
     for made in maps:
@@ -71,6 +71,24 @@ def test_a_map_without_fixes_continues_its_neighbour_with_a_warning():
     found = merged(maps, t_s, early)
     assert away(found.scene.poses[32:36], true[32:36]) < 0.5
     assert "too few fixes to align" in found.warnings[0]
+
+
+@pytest.mark.parametrize(("continued", "seam"), [(1, 32), (0, 31)])
+def test_where_it_meets_its_neighbour_the_motion_ties_it(continued, seam):
+    """Else nothing would, and no standard deviation of the whole run would be known."""
+    maps, _, t_s, fixes = two_maps((continued != 0, continued != 1), last=31)
+    inside = fixes.t_s < 2.5 if continued else fixes.t_s > 3.5
+    maps[continued].apply(MapUpdate(zero_motions=(ZeroMotion(seam, seam - 1, np.eye(4), np.ones(6)),)))
+    found = merged(maps, t_s, fixes.where(inside))
+    assert "too few fixes to align" in found.warnings[0]
+    assert [k for k, state in enumerate(found.state) if state is FrameState.BRIDGED] == [seam]
+    assert np.flatnonzero(found.scene.unseen).tolist() == [seam]
+
+
+def test_maps_with_fixes_that_meet_keep_all_that_they_saw():
+    maps, _, t_s, fixes = two_maps(last=31)
+    found = merged(maps, t_s, fixes)
+    assert not found.scene.unseen.any() and FrameState.BRIDGED not in found.state
 
 
 @pytest.mark.slow

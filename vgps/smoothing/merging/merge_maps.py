@@ -63,7 +63,8 @@ def merge_maps(
     maps = [local_map.snapshot() for local_map in maps]
     corrected = fixes.on_video_clock(sensors)
     georeferenced, warnings = _align_maps(maps, corrected, antenna, config)
-    warnings += _continue_maps(maps, t_s, config.mapping.edge_frames)
+    seams, told = _continue_maps(maps, t_s, config.mapping.edge_frames)
+    warnings += told
     assessment = FixAssessment.unassessed(len(fixes))
     if georeferenced and detects_outliers(config):
         poses, _ = _pose_all_frames(maps, t_s)
@@ -74,8 +75,9 @@ def merge_maps(
             if contradicts(local_map, usable, antenna, config, whole=True):
                 local_map.apply(correct_drift(local_map, usable, antenna, config))
     poses, state = _pose_all_frames(maps, t_s)
+    state = tuple(FrameState.BRIDGED if k in seams else one for k, one in enumerate(state))
     return MergedMaps(
-        scene=_scene(maps, Trajectory(t_s, poses), context),
+        scene=_scene(maps, Trajectory(t_s, poses), seams, context),
         assessment=assessment,
         state=state,
         gray=np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps]),
@@ -140,9 +142,16 @@ def _uncertain(found: Alignment, start: StartConfig) -> str:
     )
 
 
-def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int) -> list[str]:
-    """Align maps without fixes by continuing their neighbour at constant velocity; return warnings."""
-    warnings = []
+def _continue_maps(
+    maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int
+) -> tuple[frozenset[int], list[str]]:
+    """Align maps without fixes by continuing their neighbour at constant velocity.
+
+    Returns:
+        The frames where such a map meets its neighbour without a gap, and warnings. These frames are left to
+        the motion model, else nothing would tie the map to the world.
+    """
+    seams, warnings = set[int](), []
     order = sorted(
         range(len(maps)), key=lambda k: min(abs(k - j) for j in range(len(maps)) if maps[j].aligned)
     )
@@ -154,11 +163,15 @@ def _continue_maps(maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int) 
         to_world = _continuation(maps[k], neighbour, t_s, before, edge_frames)
         maps[k].apply(MapUpdate(similarity=to_world, aligned=True))
         first, last = maps[k].first_posed, maps[k].next_frame - 1
+        if before and first == neighbour.next_frame:
+            seams.add(first)
+        elif not before and last == neighbour.first_posed - 1:
+            seams.add(last)
         warnings.append(
             f"frames {first} to {last} ({t_s[first]:.1f} to {t_s[last]:.1f} s) have too few fixes to align "
             "them: position, heading and scale are extrapolated from the neighbouring frames"
         )
-    return warnings
+    return frozenset(seams), warnings
 
 
 def _continuation(
@@ -212,7 +225,10 @@ def _positioned(local_map: LocalMap) -> np.ndarray:
     return np.flatnonzero(np.isfinite(local_map.points[:, 0]))
 
 
-def _scene(maps: Sequence[LocalMap], path: Trajectory, context: SmoothingContext) -> Scene:
+def _scene(
+    maps: Sequence[LocalMap], path: Trajectory, unseen: frozenset[int], context: SmoothingContext
+) -> Scene:
+    """Return the scene of all maps, without what is seen of some frames."""
     points, observations = [], []
     ties: list[ZeroMotion] = []
     offset = 0
@@ -221,10 +237,10 @@ def _scene(maps: Sequence[LocalMap], path: Trajectory, context: SmoothingContext
         row_of = np.full(local_map.feature_count, -1)
         row_of[ids] = offset + np.arange(len(ids))
         log = local_map.observations()
-        known = log.rows(row_of[log.landmark] >= 0)
+        known = log.rows((row_of[log.landmark] >= 0) & ~np.isin(log.frame, list(unseen)))
         observations.append(replace(known, landmark=row_of[known.landmark]))
         points.append(local_map.points[ids])
-        ties.extend(local_map.zero_motions)
+        ties.extend(one for one in local_map.zero_motions if one.frame not in unseen)
         offset += len(ids)
     return Scene(
         path.t_s,
