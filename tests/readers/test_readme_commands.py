@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brief_videos import thinned
+from fewer_features import fewer_features
 from gopro_runs import check_length, check_rotations
 from user_files import write_bag, write_drone_video, write_flight, write_pictures
 
 from vgps.cluster import job
 from vgps.evaluation import evaluate
+from vgps.pipeline.offline import smooth
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
 from vgps.solution import FrameState
@@ -51,16 +53,21 @@ def test_every_command_has_its_files():
 
 @pytest.fixture
 def fewer_frames(monkeypatch):
-    """A video of 30 frames a second is smoothed as one of 10: its walk and the turn at its end stay."""
-    monkeypatch.setattr(
-        job, "open_recording", lambda *given, **files: thinned(open_recording(*given, **files), 3)
-    )
+    """Return a function that lets a command smooth one of so many frames, with half the features."""
+    settings = fewer_features(250, camera_calibration={"max_pairs": 12})
+
+    def set_every(count):
+        monkeypatch.setattr(
+            job, "smooth", lambda opened, _, *given: smooth(thinned(opened, count), settings, *given)
+        )
+
+    return set_every
 
 
 def check_walk(run, video):
     """Every frame is in one map, and the video alone agrees with its metadata."""
-    assert len(run.t_s) == 105 and np.isfinite(run.world_T_camera).all()
-    assert run.state.count(FrameState.TRACKED) == 105
+    assert len(run.t_s) == 63 and np.isfinite(run.world_T_camera).all()
+    assert run.state.count(FrameState.TRACKED) == 63
     # its own GPS is good to metres, but its displacements over the path of 13 m are known better
     assert run.fixes.used[run.fix_times_s <= run.t_s[-1]].all()
     assert run.camera.model == "fisheye"
@@ -70,13 +77,12 @@ def check_walk(run, video):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
-def test_one_command_smooths(command, brief, tmp_path, vgps_verb, monkeypatch, request):
+def test_one_command_smooths(command, brief, tmp_path, vgps_verb, monkeypatch, fewer_frames, request):
     name = command.split()[2]
     made, largest_m = MAKERS[name]
     real = largest_m is None
     made(tmp_path, brief, request.getfixturevalue("data_dir") if real else None)
-    if real:
-        request.getfixturevalue("fewer_frames")
+    fewer_frames(5 if real else 2)
     monkeypatch.chdir(tmp_path)
     code, _, err = vgps_verb(*shlex.split(command)[1:])
     assert code == 0, err
@@ -90,4 +96,4 @@ def test_one_command_smooths(command, brief, tmp_path, vgps_verb, monkeypatch, r
             shutil.copy(brief / "rig.yaml", tmp_path)
         shutil.copy(brief / "truth.tum", tmp_path)
         found = evaluate(tmp_path / "run", tmp_path / "truth.tum")
-        assert found.every_frame_posed and found.camera_position_m.mean < largest_m
+        assert found.frames_matched == 23 and found.camera_position_m.mean < largest_m
