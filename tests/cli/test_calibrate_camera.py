@@ -19,7 +19,10 @@ def uncalibrated(brief: Path, tmp_path: Path) -> Path:
 
 
 def test_the_camera_of_a_video_is_written(brief, uncalibrated, tmp_path, vgps_verb):
-    code, out, _ = vgps_verb("calibrate-camera", uncalibrated, "--out", tmp_path / "camera.yaml")
+    settings = tmp_path / "settings.yaml"
+    settings.write_text("{tracking: {max_features: 200}, camera_calibration: {max_pairs: 8}}\n")
+    words = ["calibrate-camera", uncalibrated, "--config", settings, "--out", tmp_path / "camera.yaml"]
+    code, out, _ = vgps_verb(*words)
     assert code == 0 and out.endswith(f"wrote {tmp_path / 'camera.yaml'}\n")
     found, true = read_camera(tmp_path / "camera.yaml"), read_camera(brief / "camera.yaml")
     assert found.fx == pytest.approx(true.fx, rel=0.02)

@@ -15,7 +15,6 @@ from user_files import write_bag, write_drone_video, write_flight, write_picture
 from vgps.cluster import job
 from vgps.evaluation import evaluate
 from vgps.pipeline.offline import smooth
-from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
 from vgps.solution import FrameState
 

@@ -40,7 +40,9 @@ def test_a_wrong_stretch_of_a_fast_receiver_is_rejected_on_a_real_drive(drive, l
 
 
 @pytest.mark.slow
-def test_nor_does_the_live_pose_follow_it(drive, log):
+def test_nor_does_the_live_pose_follow_it(data_dir):
+    drive = open_drive("kitti07:0-99", data_dir, data_dir)
+    log = drive.read_log(drive.shipped()["gps_moving.nmea"])
     moved, _ = with_wrong_stretch(log, drive, 12.0, 2.0, np.random.default_rng(1))
     found = live_row(drive, moved, 0)
     assert found["live_mean_m"] < 0.3 and found["live_max_m"] < 1.5
