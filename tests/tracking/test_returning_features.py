@@ -274,7 +274,7 @@ def gaps(local_map):
 @pytest.mark.slow
 def test_a_panning_camera_drifts_less(monkeypatch):
     monkeypatch.undo()
-    true = looking_around(100)
+    true = looking_around(80)
     seen = list(frames(true))
     errors = {120: [], 0: []}
     for return_frames, found in errors.items():
