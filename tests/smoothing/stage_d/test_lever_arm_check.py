@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brief_videos import first_frames
+from fewer_features import fewer_features
 from synthetic_bundle import ANTENNA
 from synthetic_map import context, map_of, scene
 
@@ -58,7 +59,7 @@ def test_without_fixes_there_is_nothing_to_doubt():
 def test_turns_show_that_a_lever_arm_is_wrong_and_in_which_direction(data_dir: Path, kitti07_fixed) -> None:
     recording = first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 100)
     rig = replace(recording.rig, camera_p_antenna=recording.rig.camera_p_antenna + np.array([-1.0, 0.0, 0.0]))
-    settings = Config.model_validate({"loops": {"close": "no"}})
+    settings = fewer_features(250, loops={"close": "no"})
     (text,) = doubts(vgps.smooth(replace(recording, rig=rig), settings).warnings)
     assert "m right" in text and "camera_p_antenna in rig.yaml" in text
     assert doubts(kitti07_fixed.warnings) == []
