@@ -20,7 +20,7 @@ TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def two_maps(aligned=(True, True), last=27):
-    """Frames 0-27 and 32-59 of a drive; a map that is not aligned lies elsewhere, at another scale."""
+    """Frames 0 to ``last`` and 32-59 of a drive; a map not aligned lies elsewhere, at another scale."""
     problem, true, t_s, fixes = scene(disturbed=0.0)
     maps = [
         map_of(problem, begin, end, aligned=placed)

@@ -18,7 +18,7 @@ from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
 # Of a map's path, since a fit may be sure of a wrong time offset within seconds; and by how much longer it is
-# each time.
+# each time: the ninth is after 8 s, when displacements begin to show something.
 _FIRST_S, _LONGER = 1.34, 1.25
 
 

@@ -29,11 +29,9 @@ class FitJob:
         return t_s >= self.due_s and (repeatable or self.fit.done())
 
 
-def fixes_until(t_s: float, fix_buffer: FixBuffer) -> tuple[int, float]:
-    """Return how many fixes have come for times until one, and the newest of their times."""
-    came = fix_buffer.fixes.t_s <= t_s
-    newest_s = float(fix_buffer.fixes.t_s[came].max(initial=-np.inf))
-    return int(fix_buffer.number[came].max(initial=-1)) + 1, newest_s
+def fix_count(t_s: float, fix_buffer: FixBuffer) -> int:
+    """Return how many fixes have come for times until one."""
+    return int(fix_buffer.number[fix_buffer.fixes.t_s <= t_s].max(initial=-1)) + 1
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,8 @@ class SeenByFit:
     @classmethod
     def of(cls, current: LocalMap, t_s: FloatArray, fix_buffer: FixBuffer) -> "SeenByFit":
         """Return what a fit sees of a map now, by the times (F,) of all frames and the fixes that came."""
-        _, newest_fix_s = fixes_until(float(t_s[-1]), fix_buffer)
+        fix_t_s = fix_buffer.fixes.t_s
+        newest_fix_s = float(fix_t_s[fix_t_s <= t_s[-1]].max(initial=-np.inf))
         return cls(len(t_s), newest_fix_s, current.next_frame - 1, current.poses[-1].copy())
 
     def calls_for_another(self, now: "SeenByFit", current: LocalMap, config: Config) -> bool:

@@ -13,7 +13,7 @@ from vgps.mapping.map_update import Similarity
 from vgps.mapping.retention import RetiredPoses
 from vgps.model import FloatArray
 from vgps.online.fusion.doubted_fixes import Doubt
-from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit, fixes_until
+from vgps.online.fusion.fit_job import FIT_S, VERDICT_S, FitJob, SeenByFit, fix_count
 from vgps.online.fusion.fusion_equations import POSITION
 from vgps.online.fusion.fusion_fit import FitInput, FitResult, fit, fit_with_verdicts, newest_fit
 from vgps.online.fusion.gravity import Gravity
@@ -178,7 +178,7 @@ class LiveFusion:
             return
         if self._job is not None and self._job.counts(now_s, self._config.online.repeatable):
             self._take()
-        fixes, _ = fixes_until(now_s, self._frame_pipeline.fix_buffer)
+        fixes = fix_count(now_s, self._frame_pipeline.fix_buffer)
         if self._fused is None or fixes == self._newest_fixes:
             return
         given = self._given(current)
