@@ -155,7 +155,7 @@ def test_odometry_stays_as_it_was_tracked_when_poses_change():
     np.testing.assert_allclose(made.odometry, seen[1:])
 
 
-@pytest.mark.parametrize("name", ["poses", "t_s", "points", "sigma_px", "odometry"])
+@pytest.mark.parametrize("name", ["poses", "t_s", "points", "sigma_px", "odometry", "bending"])
 def test_arrays_are_read_only(name):
     made = walked(5, np.random.default_rng(0))
     with pytest.raises(ValueError, match="read-only"):
@@ -174,6 +174,21 @@ def test_an_update_changes_what_it_names_and_nothing_else():
     np.testing.assert_array_equal(made.points[made.ids[3:]], before.points[before.ids[3:]])
     np.testing.assert_array_equal(made.views, before.views)
     assert not made.aligned
+
+
+def test_the_bending_of_a_path_stays_where_stage_c_says_nothing():
+    made = walked(6, np.random.default_rng(0))
+    assert np.isnan(made.bending).all()
+    nothing = np.nan
+    made.apply(MapUpdate(poses=made.poses.copy(), bending=np.array([nothing, 1, 2, 3, nothing, nothing])))
+    later = np.array([nothing, 4, 5, nothing])
+    made.apply(MapUpdate(first_frame=2, poses=made.poses[2:].copy(), bending=later))
+    made.apply(MapUpdate(poses=made.poses.copy()))
+    expected = np.array([nothing, 1, 2, 4, 5, nothing])
+    np.testing.assert_array_equal(made.bending, expected)
+    np.testing.assert_array_equal(made.snapshot().bending, expected)
+    made.discard_before(2, 2)
+    np.testing.assert_array_equal(made.bending, expected[2:])
 
 
 def test_a_similarity_moves_poses_points_and_constraints_alike():

@@ -75,6 +75,17 @@ def test_new_frames_are_posed_by_the_refined_positions():
     assert away(local_map.poses[40:], true[40:]) < 0.25 * float(drift.mean())
 
 
+def test_the_bending_is_that_of_the_snapshot_where_it_has_one():
+    local_map, refined = grown()
+    refined.apply(MapUpdate(first_frame=10, poses=refined.poses[10:].copy(), bending=np.arange(30.0)))
+    reconciled(refined, local_map)
+    local_map.discard_before(20, 20)
+    refined.apply(MapUpdate(first_frame=30, poses=refined.poses[30:].copy(), bending=np.ones(10)))
+    reconciled(refined, local_map)
+    np.testing.assert_array_equal(local_map.bending[:20], [*np.arange(10.0, 20.0), *np.ones(10)])
+    assert np.isnan(local_map.bending[20:]).all()
+
+
 def test_new_features_carry_on_what_the_refined_ones_show():
     """The tracked scale slips more and more; hardly a refined feature is left in the end."""
     problem, poses, _, _ = scene(60, disturbed=0.0)

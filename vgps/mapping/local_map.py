@@ -60,6 +60,13 @@ class LocalMap:
         return self._path.odometry
 
     @property
+    def bending(self) -> FloatArray:
+        """(n,) variance, rad^2 about each axis, by which a rotation may err more than the one before, by the
+        covariance of stage C; NaN where that says nothing; read-only.
+        """
+        return self._path.bending
+
+    @property
     def zero_motions(self) -> tuple[ZeroMotion, ...]:
         """Zero-motion constraints, one per frame that stood still."""
         return tuple(self._zero_motions.values())
@@ -172,7 +179,7 @@ class LocalMap:
         for frame in update.frames:
             self._path.append(frame)
         if update.poses is not None:
-            self._path.replace(update.first_frame, update.poses)
+            self._path.replace(update.first_frame, update.poses, update.bending)
         if (view := update.view) is not None:
             self._followed.push(view)
             self._log.append(view.frame, self.ids, view.uv_px[view.found])

@@ -19,6 +19,7 @@ class MapPath:
         self.first_frame = first_frame
         self.bridged: frozenset[int] = frozenset()
         self._poses, self._t_s, self._odometry = GrowingArray((4, 4)), GrowingArray(), GrowingArray((3,))
+        self._bending = GrowingArray()
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -43,6 +44,13 @@ class MapPath:
         """(n, 3) tracked displacement from the previous frame, in its axes, NaN where unknown; read-only."""
         return read_only(self._odometry.values)
 
+    @property
+    def bending(self) -> FloatArray:
+        """(n,) variance, rad^2 about each axis, by which a rotation may err more than the one before, by the
+        covariance of stage C; NaN where that says nothing; read-only.
+        """
+        return read_only(self._bending.values)
+
     def snapshot(self) -> "MapPath":
         """Return a copy."""
         return self.part(self.first_frame, self.next_frame)
@@ -55,11 +63,16 @@ class MapPath:
         self._odometry.append(previous[:3, :3].T @ (frame.world_T_camera[:3, 3] - previous[:3, 3]))
         self._poses.append(frame.world_T_camera)
         self._t_s.append(frame.t_s)
+        self._bending.append(np.nan)
 
-    def replace(self, first_frame: int, poses: FloatArray) -> None:
-        """Replace the poses from a frame on by others (n, 4, 4)."""
+    def replace(self, first_frame: int, poses: FloatArray, bending: FloatArray | None) -> None:
+        """Replace the poses from a frame on by others (n, 4, 4), and the bending (n,) where it is finite."""
         row = first_frame - self.first_frame
-        self._poses.values[row : row + len(poses)] = poses
+        rows = slice(row, row + len(poses))
+        self._poses.values[rows] = poses
+        if bending is not None:
+            known = np.flatnonzero(np.isfinite(bending))
+            self._bending.values[row + known] = bending[known]
 
     def transform(self, to_world: Similarity) -> None:
         """Move the path, and give it another unit."""
@@ -71,7 +84,8 @@ class MapPath:
         copied = MapPath(first)
         copied.bridged = frozenset(bridged for bridged in self.bridged if first <= bridged < end)
         rows = slice(first - self.first_frame, end - self.first_frame)
-        copied._poses, copied._t_s, copied._odometry = (
-            GrowingArray.of(values.values[rows]) for values in (self._poses, self._t_s, self._odometry)
+        arrays = self._poses, self._t_s, self._odometry, self._bending
+        copied._poses, copied._t_s, copied._odometry, copied._bending = (
+            GrowingArray.of(values.values[rows]) for values in arrays
         )
         return copied

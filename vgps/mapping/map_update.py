@@ -104,6 +104,7 @@ class MapUpdate:
         end: Frames from this one on leave the map, which has no view of them; None for none.
         frames: New frames, in order.
         first_frame, poses: Poses (n, 4, 4) that replace those from frame ``first_frame`` on.
+        bending: (n,) bending of these frames (:attr:`LocalMap.bending`); it stays as it was where it is NaN.
         view: Observations of the newest frame.
         returned: Features that are followed again from the newest view on.
         positions: New positions of features.
@@ -120,6 +121,7 @@ class MapUpdate:
     frames: tuple[NewFrame, ...] = ()
     first_frame: int = 0
     poses: FloatArray | None = None
+    bending: FloatArray | None = None
     view: NewView | None = None
     returned: ReturnedFeatures | None = None
     positions: Positions | None = None

@@ -41,13 +41,16 @@ def reconcile(refined: LocalMap, local_map: LocalMap, camera: Camera, limits: Po
     features = _moved_features(refined, local_map, newest, scale)
     poses = local_map.poses.copy()
     count = newest + 1 - local_map.first_frame
-    poses[:count] = refined.poses[local_map.first_frame - refined.first_frame :]
+    shared = slice(local_map.first_frame - refined.first_frame, None)
+    poses[:count] = refined.poses[shared]
+    bending = np.append(refined.bending[shared], np.full(len(poses) - count, np.nan))
     poses = FramePoser(features, camera, limits).posed_again(local_map, poses, count, scale)
     positioned = np.isfinite(local_map.points[:, 0])
     ids = np.flatnonzero(positioned)
     update = MapUpdate(
         first_frame=local_map.first_frame,
         poses=poses,
+        bending=bending,
         positions=Positions(ids, features.points[ids], features.sigma_px[ids]),
         zero_motions=tuple(m.scaled(scale) for m in local_map.zero_motions if m.frame > newest),
     )

@@ -219,6 +219,41 @@ def test_sigmas_grow_with_the_distance_from_the_last_fix():
     assert sigma[0] < 0.4 and (np.diff(sigma) > 0.0).all() and 1.0 < sigma[-1] < 50.0
 
 
+def bent(drive, bends_rad, seed=0):
+    """The path of a video whose map bends at random in its first 60 frames, and by how much it may."""
+    bending = np.where(np.arange(len(drive.t_s)) < 60, bends_rad**2 / 60.0, 0.0)
+    walk = np.random.default_rng(seed).standard_normal((len(bending), 3)) * np.sqrt(bending)[:, None]
+    R = Rotation.from_rotvec(np.cumsum(walk, axis=0)).as_matrix()
+    path = drive.seen()
+    poses, steps = path.poses.copy(), np.diff(path.poses[:, :3, 3], axis=0)
+    poses[1:, :3, 3] = poses[0, :3, 3] + np.cumsum((R[1:] @ steps[:, :, None])[:, :, 0], axis=0)
+    poses[:, :3, :3] = R @ poses[:, :3, :3]
+    return replace(path, poses=poses, bending=bending)
+
+
+@pytest.mark.slow
+def test_the_heading_of_a_young_map_that_is_bent_is_as_sure_as_stated():
+    drive = DrivingCamera(80)
+    fixes = drive.fixes([FixClass.RTK_FIX] * 4, np.zeros((4, 3)), every=20)
+
+    def squared_deviation(path):
+        fit = fuse(path, fixes, ARM, CONFIG, None)
+        off = Rotation.from_matrix(fit.world_T_camera(path)[-1, :3, :3] @ drive.true[-1, :3, :3].T)
+        return off.as_rotvec()[2] ** 2 / fit.covariance_at_end(path, CONFIG)[6, 6]
+
+    paths = [bent(drive, 0.2, seed) for seed in range(16)]
+    assert np.mean([squared_deviation(replace(path, bending=None)) for path in paths]) > 4.0
+    assert 0.4 < np.mean([squared_deviation(path) for path in paths]) < 1.6
+
+
+def test_a_path_since_a_time_has_the_bending_since_then():
+    path = bent(DrivingCamera(100), 0.1)
+    later = path.since(float(path.t_s[20]))
+    at = path.t_s[[25, 40]]
+    np.testing.assert_allclose(np.diff(later.bent(at)), np.diff(path.bent(at)))
+    np.testing.assert_allclose(np.diff(path.bent(at)), 15 * 0.1**2 / 60.0)
+
+
 def simulated_nees(seed):
     """Squared error over covariance of the newest position, after RTK-fixes and as many RTK-floats."""
     rng, drive = np.random.default_rng(seed), DrivingCamera(300)

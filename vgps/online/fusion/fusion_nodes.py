@@ -63,9 +63,10 @@ class VideoDrift:
         return np.asarray(outer / along[:, None, None] + (np.eye(3) - outer) / across[:, None, None])
 
 
-def video_drift(poses: FloatArray, frames: FloatArray, config: Config) -> VideoDrift:
+def video_drift(poses: FloatArray, frames: FloatArray, bent: FloatArray, config: Config) -> VideoDrift:
     """Return the drift between poses (N, 4, 4) that lie so many moving frames (N - 1,) apart.
 
+    ``bent`` (N - 1,) is the variance, rad^2, that stage C states of their rotation, where it is larger.
     Features pass the scale on to those that replace them, sooner while the camera turns. A wrong focal length
     turns the path by its share of each turn.
     """
@@ -75,7 +76,7 @@ def video_drift(poses: FloatArray, frames: FloatArray, config: Config) -> VideoD
     replaced = knots + turn / _REPLACING_TURN_RAD
     walk = _ROTATION_SHARE * np.radians(drift.rotation_sigma_deg) * np.sqrt(knots)
     direction = np.radians(drift.rotation_sigma_deg) / np.sqrt(knots)
-    rotation = np.hypot(walk, config.intrinsics.held_focal_sigma * turn)
+    rotation = np.hypot(np.sqrt(np.maximum(walk**2, bent)), config.intrinsics.held_focal_sigma * turn)
     return VideoDrift(drift.scale_sigma * np.sqrt(replaced), rotation, np.minimum(direction, 1.0))
 
 
@@ -184,7 +185,7 @@ def fusion_nodes(
     return FusionNodes(
         t_s=t_s,
         camera=camera,
-        drift=video_drift(camera, frames, config),
+        drift=video_drift(camera, frames, np.diff(path.bent(t_s)), config),
         fixes=node_fixes(seen, camera, at[chain.offset], config),
         ties=path.ties,
         tied=tied,

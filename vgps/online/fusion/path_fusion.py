@@ -174,7 +174,8 @@ class FusedPath:
         frames = float(path.moving[path.t_s > self.newest_s + SAME_TIME_S].sum())
         if frames == 0.0:
             return self.covariance
-        drift = video_drift(ends, np.array([frames]), config)
+        bent = np.diff(path.bent(np.array([self.nodes.t_s[-1], path.t_s[-1]])))
+        drift = video_drift(ends, np.array([frames]), bent, config)
         x, R = self.state.values[-1], self.state.world_R_map[-1]
         step = np.exp(x[SCALE]) * R @ (ends[1, :3, 3] - ends[0, :3, 3])
         F = np.eye(UNKNOWNS)

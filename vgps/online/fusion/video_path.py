@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vgps.geometry import rotation_matrices, rotation_vectors, travelled
+from vgps.mapping.bending import continued
 from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, FloatArray
 from vgps.online.fusion.place_ties import PlaceTies
@@ -21,17 +22,26 @@ class VideoPath:
         t_s: (n,) times of the frames.
         poses: (n, 4, 4) map_T_camera.
         moving: (n,) whether the camera moved since the frame before; during a stop nothing drifts.
+        bending: (n,) variance, rad^2 about each axis, by which its rotation may err more than at the frame
+            before, by stage C; None for none.
         ties: Frames in which it came back to a place.
     """
 
     t_s: FloatArray
     poses: FloatArray
     moving: BoolArray
+    bending: FloatArray | None = None
     ties: PlaceTies = field(default_factory=PlaceTies.none)
 
     def snapshot(self) -> "VideoPath":
         """Return a copy that stays as it is while the map changes."""
         return replace(self, t_s=self.t_s.copy(), poses=self.poses.copy())
+
+    def bent(self, t_s: FloatArray) -> FloatArray:
+        """Return the sum (N,) of the bending up to times (N,)."""
+        if self.bending is None:
+            return np.zeros(len(t_s))
+        return np.interp(t_s, self.t_s, np.cumsum(self.bending))
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return the poses (N, 4, 4) at times (N,); those outside the path are clamped.
@@ -56,6 +66,7 @@ class VideoPath:
             t_s=np.append(begin, self.t_s[first:]),
             poses=np.concatenate([self.at(begin), self.poses[first:]]),
             moving=np.append(False, self.moving[first:]),
+            bending=None if self.bending is None else np.append(0.0, self.bending[first:]),
             ties=self.ties.where(self.ties.t_s >= begin[0]),
         )
 
@@ -70,6 +81,7 @@ def path_of(current: LocalMap, keep_s: float, ties: PlaceTies) -> VideoPath:
         t_s=current.t_s[first:],
         poses=current.poses[first:],
         moving=~np.isin(frames, standing),
+        bending=continued(current.bending)[first:],
         ties=ties.where(ties.t_s >= current.t_s[first]),
     )
 
