@@ -25,13 +25,34 @@ def test_a_map_waits_for_the_motion_that_tells_heading_from_an_antenna_that_swin
     world[:, 0, 3] = 0.15 * t_s
     antenna = world[:, :3, 3] + world[:, :3, :3] @ true
     fixes = fixes_of_size(t_s, antenna, np.full(21, 0.02), np.full(21, 0.02))
-    in_map = SimpleNamespace(t_s=t_s, points=CLOUD)
+    in_map = SimpleNamespace(t_s=t_s, points=CLOUD, bending=np.full(21, np.nan))
     monkeypatch.setattr(map_alignment, "map_trajectory", lambda _: Trajectory(t_s, world))
     placed = align_to_fixes(in_map, fixes, np.zeros(3), Config())
     off = Rotation.from_matrix(placed.update.similarity.world_R_map)
     assert np.degrees(off.magnitude()) > 20.0  # of which it is sure
     assert align_to_fixes(in_map, fixes, np.zeros(3), Config(), 1.0) is None
     assert align_to_fixes(in_map, fixes, true, Config()) is not None
+
+
+@pytest.mark.parametrize("bends_deg", [0.0, 5.0])
+def test_a_climb_waits_for_a_way_aside_that_no_bend_of_the_video_explains(monkeypatch, bends_deg):
+    """A camera climbs by 5 m and sways by 3 cm, as a bend of the video does; then it flies 5 m ahead."""
+    t_s, world = np.arange(41.0), np.tile(np.eye(4), (41, 1, 1))
+    world[:, :3, :3], world[:, 2, 3] = DOWN, np.minimum(0.25 * t_s, 5.0)
+    world[:, 0, 3] = 0.03 * np.sin(t_s / 3.0)
+    world[21:, 1, 3] = 0.25 * (t_s[21:] - 20.0)
+    fixes = fixes_of_size(t_s, world[:, :3, 3], np.full(41, 0.005), np.full(41, 0.005))
+
+    def placed(frames):
+        bending = np.full(frames, np.radians(bends_deg) ** 2 / frames)
+        in_map = SimpleNamespace(t_s=t_s[:frames], points=CLOUD, bending=bending)
+        monkeypatch.setattr(
+            map_alignment, "map_trajectory", lambda _: Trajectory(t_s[:frames], world[:frames])
+        )
+        return align_to_fixes(in_map, fixes, np.zeros(3), Config(start=StartConfig(airborne="yes")))
+
+    assert placed(21) is None and placed(41) is not None
+    assert (placed(24) is None) == (bends_deg > 0.0)
 
 
 def aligned(monkeypatch, points, airborne):
@@ -41,7 +62,7 @@ def aligned(monkeypatch, points, airborne):
     fixes = fixes_of_size(t_s, world[:, :3, 3], np.full(41, 1.0), np.full(41, 1.0))
     turn = np.eye(4)
     turn[:3, :3] = MAP_R_WORLD
-    in_map = SimpleNamespace(t_s=t_s, points=points @ MAP_R_WORLD.T)
+    in_map = SimpleNamespace(t_s=t_s, points=points @ MAP_R_WORLD.T, bending=np.full(41, np.nan))
     monkeypatch.setattr(map_alignment, "map_trajectory", lambda _: Trajectory(t_s, turn @ world))
     config = Config(start=StartConfig(airborne=airborne))
     result = align_to_fixes(in_map, fixes, np.zeros(3), config)

@@ -74,6 +74,26 @@ def antenna_covariances(seen: Correspondences, at: Similarity, sigma_m: float) -
     return np.asarray(sigma_m**2 * np.einsum("iac,jac->aij", axes, axes))
 
 
+def bending_covariances(seen: Correspondences, at: Similarity, turned: FloatArray) -> FloatArray:
+    """Return the covariances (3, M, M) along east, north, up of the path at the fixes, as the video bends it.
+
+    Its rotation walks at random, and each step is turned by what the walk is then. A path that climbs bends
+    aside by more than it moves there, and so shows no heading.
+
+    Args:
+        seen: Fixes and camera poses.
+        at: Their alignment.
+        turned: (M,) variance of the walk up to each fix, rad^2 about each axis.
+    """
+    step = np.diff(at.points(seen.map_T_camera[:, :3, 3]), axis=0)
+    walk = np.minimum.outer(turned[1:], turned[1:])
+    out = np.zeros((3, len(seen), len(seen)))
+    for axis, others in enumerate(((1, 2), (0, 2), (0, 1))):
+        turns = walk * (step[:, others] @ step[:, others].T)
+        out[axis, 1:, 1:] = np.cumsum(np.cumsum(turns, axis=0), axis=1)
+    return out
+
+
 def jackknife_sigmas(seen: Correspondences, at: Similarity, config: StartConfig) -> AlignmentSigmas:
     """Return the standard deviations by leaving out each part of the path in turn (Tukey's jackknife).
 

@@ -9,6 +9,7 @@ from vgps.config import Config, StartConfig
 from vgps.geometry import interpolate_poses
 from vgps.gps.error_covariance import error_covariances
 from vgps.gps.fixes import Fixes
+from vgps.mapping.bending import continued
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Similarity
 from vgps.mapping.trajectory import map_trajectory
@@ -17,6 +18,7 @@ from vgps.smoothing.alignment.alignment_sigmas import (
     AlignmentSigmas,
     alignment_sigmas,
     antenna_covariances,
+    bending_covariances,
     jackknife_sigmas,
 )
 from vgps.smoothing.alignment.land import land_normal
@@ -130,7 +132,8 @@ def find_alignment(
     to_world = align(seen, config.start)
     if to_world is None:
         return None
-    errors = error_covariances(chosen, config.gps)
+    turned = _turned(local_map, path, chosen.t_s, config)
+    errors = error_covariances(chosen, config.gps) + bending_covariances(seen, to_world, turned)
     sigmas = alignment_sigmas(seen, to_world, errors, config.start)
     swung = sigmas
     if antenna_sigma_m:
@@ -150,6 +153,13 @@ def find_alignment(
         fixes=len(seen),
         span_m=to_world.scale * float(np.linalg.norm(np.ptp(seen.map_T_camera[:, :3, 3], axis=0))),
     )
+
+
+def _turned(local_map: LocalMap, path: Trajectory, t_s: FloatArray, config: Config) -> FloatArray:
+    """Return the variance (M,), rad^2, by which the path may have turned wrongly up to the times of fixes."""
+    drift = np.radians(config.drift.rotation_sigma_deg) ** 2 / config.drift.knot_frames
+    bending = continued(local_map.bending[-len(path) :])
+    return np.asarray(np.interp(t_s, path.t_s, np.cumsum(np.maximum(bending, drift))))
 
 
 def _straight_note(alignment: Alignment, until_s: float, start: StartConfig) -> str:
