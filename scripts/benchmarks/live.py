@@ -31,6 +31,8 @@ COLUMNS = {
     "offline_mean_m": "offline [m]",
     "nees": "NEES",
     "beyond_three_sigmas": "beyond 3 sigmas",
+    "rotation_deg": "rotation [degrees]",
+    "rotation_nees": "its NEES",
     "returned": "after return of RTK-fix / before",
     "pose_p50_ms": "pose p50 [ms]",
     "pose_p99_ms": "p99",

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import vgps
 from scripts.common.recordings import read_truth
@@ -22,7 +23,7 @@ from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.offset_errors import between_receivers, errors_of
 from vgps.gps.offset_regions import with_offset_regions
-from vgps.model import FixClass, FloatArray, Recording
+from vgps.model import BoolArray, FixClass, FloatArray, Recording
 from vgps.online import OnlineEstimate, OnlineSmoother
 from vgps.online.delay import DelayedEstimates
 from vgps.online.replay import replay
@@ -41,6 +42,8 @@ MEASURES = (
     "later_mean_m",
     "nees",
     "beyond_three_sigmas",
+    "rotation_deg",
+    "rotation_nees",
     "returned",
 )
 
@@ -50,12 +53,12 @@ class Truth:
     """True camera and antenna at the frames and fixes of a recording, and its fixes in the same world.
 
     Attributes:
-        camera: (F, 3) at the frames.
+        world_T_camera: (F, 4, 4) at the frames.
         fix_error_m: (M, 3) fix minus antenna at its time stamp.
         fix_sigma_m: (M,) standard deviation of its offset in space.
     """
 
-    camera: FloatArray
+    world_T_camera: FloatArray
     fix_error_m: FloatArray
     fix_sigma_m: FloatArray
 
@@ -73,7 +76,7 @@ def truth_of(recording: Recording) -> Truth:
     antenna = poses[:, :3, :3] @ recording.rig.camera_p_antenna + poses[:, :3, 3]
     sigma_m = offset_sigmas(fixes_in_world(log, position, vgps.Config().gps))
     frames = interpolate_poses(found.t_s, found.world_T_camera, recording.video.times_s)
-    return Truth(frames[:, :3, 3], position - antenna, np.linalg.norm(sigma_m, axis=1))
+    return Truth(frames, position - antenna, np.linalg.norm(sigma_m, axis=1))
 
 
 def offset_sigmas(fixes: Fixes) -> FloatArray:
@@ -142,15 +145,28 @@ def position_errors(estimates: list[OnlineEstimate], true: FloatArray) -> tuple[
     return error_m, np.array([one.sigma_position_m for one in estimates])
 
 
-def mean_nees(error_m: FloatArray, sigma_m: FloatArray) -> float:
-    """Return the mean squared error over the stated variances, 3 if they are honest."""
-    return float(np.mean(np.sum((error_m / sigma_m) ** 2, axis=1)))
+def rotation_errors(
+    estimates: list[OnlineEstimate], true: FloatArray, rows: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotations (n, 3) about east, north and up from true poses (F, 4, 4) to some of their estimates
+    (F,), and their sigmas (n, 3), radians.
+    """
+    chosen = [estimates[row] for row in np.flatnonzero(rows)]
+    found = np.array([one.global_T_camera[:3, :3] for one in chosen])
+    turn = Rotation.from_matrix(found @ true[: len(rows)][rows, :3, :3].transpose(0, 2, 1))
+    return turn.as_rotvec(), np.array([one.sigma_rotation_rad for one in chosen])
+
+
+def mean_nees(error: FloatArray, sigma: FloatArray) -> float:
+    """Return the mean squared error (n, 3) over the stated variances, 3 if they are honest."""
+    return float(np.mean(np.sum((error / sigma) ** 2, axis=1)))
 
 
 def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
     """Return the ``MEASURES`` of one run, NaN if no pose was ever certain, and its latencies."""
     assert recording.gps is not None
-    estimates, true = run.estimates, truth.camera[: len(run.estimates)]
+    estimates = run.estimates
+    true = truth.world_T_camera[: len(estimates), :3, 3]
     t_s, fix_t_s = recording.video.times_s[: len(estimates)], recording.gps.t_s
     error_m, sigma_m = position_errors(estimates, true)
     later_m = np.linalg.norm(np.array([one.global_T_camera[:3, 3] for one in run.later]) - true, axis=1)
@@ -164,6 +180,7 @@ def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
     if not counts.any():
         return dict.fromkeys(MEASURES, np.nan) | latency
     size, stated = size[counts], stated[counts]
+    turn_rad, turn_sigma_rad = rotation_errors(estimates, truth.world_T_camera, counts)
     since_s = float(t_s[first])
     return {
         "since_s": since_s,
@@ -173,6 +190,8 @@ def score(recording: Recording, truth: Truth, run: LiveRun) -> dict[str, float]:
         "later_mean_m": float(later_m[counts].mean()),
         "nees": mean_nees(error_m[counts], sigma_m[counts]),
         "beyond_three_sigmas": float(np.mean(size > SIGMAS * stated)),
+        "rotation_deg": float(np.degrees(np.linalg.norm(turn_rad, axis=1)).mean()),
+        "rotation_nees": mean_nees(turn_rad, turn_sigma_rad),
         "returned": after_return(recording, t_s[counts], size),
         **latency,
     }

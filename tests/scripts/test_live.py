@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import vgps
 from scripts.benchmarks import live
@@ -68,10 +69,13 @@ def test_errors_count_from_the_first_certain_pose():
         SimpleNamespace(
             global_T_camera=np.diag([1.0, 1.0, 1.0, 1.0]) + 0.3 * np.eye(4, k=3),
             sigma_position_m=np.full(3, s / np.sqrt(3.0)),
+            sigma_rotation_rad=np.array([0.1, 0.2, 0.05]),
         )
         for s in sigma
     ]
-    truth = live_runs.Truth(np.zeros((8, 3)), np.full((4, 3), 1.0), np.full(4, 0.05))
+    turned = np.tile(np.eye(4), (8, 1, 1))
+    turned[:, :3, :3] = Rotation.from_euler("y", -0.2).as_matrix()
+    truth = live_runs.Truth(turned, np.full((4, 3), 1.0), np.full(4, 0.05))
     later = [SimpleNamespace(global_T_camera=np.eye(4) + 0.1 * np.eye(4, k=3))] * 8
     found = live_runs.score(recorded([fix] * 4), truth, live_runs.LiveRun(estimates, later, [0.01] * 8))
     assert found["since_s"] == 2.0 and found["mean_m"] == found["max_m"] == pytest.approx(0.3)
@@ -81,6 +85,9 @@ def test_errors_count_from_the_first_certain_pose():
     assert found["beyond_three_sigmas"] == pytest.approx(1 / 6)
     ratios = 0.3**2 / np.array([0.5, 2.0, 0.2, 0.2, 0.2, 0.09]) ** 2
     assert found["nees"] == pytest.approx(3.0 * ratios.mean())
+    assert found["rotation_deg"] == pytest.approx(np.degrees(0.2)) and found[
+        "rotation_nees"
+    ] == pytest.approx(1.0)
 
 
 def test_the_return_of_rtk_fixes_is_compared_with_the_stretch_before():
