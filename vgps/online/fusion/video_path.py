@@ -77,11 +77,12 @@ def path_of(current: LocalMap, keep_s: float, ties: PlaceTies) -> VideoPath:
     first = max(current.first_posed - current.first_frame, int(np.searchsorted(current.t_s, since_s)))
     frames = current.first_frame + np.arange(first, len(current.t_s))
     standing = np.array([motion.frame for motion in current.zero_motions], dtype=np.int64)
+    moving = ~np.isin(frames, standing)
     return VideoPath(
         t_s=current.t_s[first:],
         poses=current.poses[first:],
-        moving=~np.isin(frames, standing),
-        bending=continued(current.bending)[first:],
+        moving=moving,
+        bending=moving * continued(current.bending)[first:],
         ties=ties.where(ties.t_s >= current.t_s[first]),
     )
 
