@@ -116,9 +116,10 @@ def test_old_zero_motions_and_bridged_frames_are_discarded():
     held = (ZeroMotion(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (5, 15, 25))
     bridged = tuple(NewFrame(float(frame), np.eye(4), frame in {31, 33}) for frame in range(30, 35))
     made.apply(MapUpdate(zero_motions=tuple(held), frames=bridged))
-    assert made.bridged == {31, 33}
+    assert made.bridged == {31, 33} and np.flatnonzero(~made.moving).tolist() == [5, 15, 25]
     made.discard_before(10, 20)
     assert made.bridged == {31, 33} and [motion.frame for motion in made.zero_motions] == [25]
+    assert np.flatnonzero(~made.moving).tolist() == [25 - made.first_frame]
 
 
 def test_a_map_grows_on_after_nearly_everything_was_discarded():

@@ -72,6 +72,12 @@ class LocalMap:
         return tuple(self._zero_motions.values())
 
     @property
+    def moving(self) -> BoolArray:
+        """(n,) whether the camera moved since the frame before; during a stop nothing drifts."""
+        standing = np.array(list(self._zero_motions), dtype=np.int64)
+        return ~np.isin(self.first_frame + np.arange(len(self._path)), standing)
+
+    @property
     def bridged(self) -> frozenset[int]:
         """Frames without observations, posed by interpolation."""
         return self._path.bridged

@@ -75,9 +75,7 @@ def path_of(current: LocalMap, keep_s: float, ties: PlaceTies) -> VideoPath:
     """Return the path of a map over the last ``keep_s``, with the ties of this time."""
     since_s = max(current.t_s[-1] - keep_s, current.t_s[0])
     first = max(current.first_posed - current.first_frame, int(np.searchsorted(current.t_s, since_s)))
-    frames = current.first_frame + np.arange(first, len(current.t_s))
-    standing = np.array([motion.frame for motion in current.zero_motions], dtype=np.int64)
-    moving = ~np.isin(frames, standing)
+    moving = current.moving[first:]
     return VideoPath(
         t_s=current.t_s[first:],
         poses=current.poses[first:],

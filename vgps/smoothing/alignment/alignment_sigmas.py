@@ -83,7 +83,7 @@ def bending_covariances(seen: Correspondences, at: Similarity, turned: FloatArra
     Args:
         seen: Fixes and camera poses.
         at: Their alignment.
-        turned: (M,) variance of the walk up to each fix, rad^2 about each axis.
+        turned: (M,) variance of the walk from the first fix to each, rad^2 about each axis.
     """
     step = np.diff(at.points(seen.map_T_camera[:, :3, 3]), axis=0)
     walk = np.minimum.outer(turned[1:], turned[1:])

@@ -156,10 +156,14 @@ def find_alignment(
 
 
 def _turned(local_map: LocalMap, path: Trajectory, t_s: FloatArray, config: Config) -> FloatArray:
-    """Return the variance (M,), rad^2, by which the path may have turned wrongly up to the times of fixes."""
+    """Return the variance (M,), rad^2, by which the path may have turned wrongly from the first fix to each.
+
+    ``t_s`` (M,) are their times; during a stop nothing drifts.
+    """
     drift = np.radians(config.drift.rotation_sigma_deg) ** 2 / config.drift.knot_frames
-    bending = continued(local_map.bending[-len(path) :])
-    return np.asarray(np.interp(t_s, path.t_s, np.cumsum(np.maximum(bending, drift))))
+    grows = local_map.moving * np.maximum(continued(local_map.bending), drift)
+    turned = np.interp(t_s, path.t_s, np.cumsum(grows[-len(path) :]))
+    return np.asarray(turned - turned[0])
 
 
 def _straight_note(alignment: Alignment, until_s: float, start: StartConfig) -> str:
