@@ -7,7 +7,9 @@ worse.
 
 from dataclasses import replace
 
+import gtsam
 import numpy as np
+from gtsam.symbol_shorthand import X
 
 from vgps.errors import GeometryError
 from vgps.geometry import travelled
@@ -15,25 +17,19 @@ from vgps.model import FloatArray
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
 
-_FIRST_VIEWS = 10  # of a map, among which the one is held that gives the scale
-
-
-def farthest_of_first_views(poses: FloatArray) -> int:
-    """Return which view of a map (F, 4, 4) is held beside its first one, and so gives the scale."""
-    away = np.linalg.norm(poses[:_FIRST_VIEWS, :3, 3] - poses[0, :3, 3], axis=1)
-    return int(np.argmax(away))
+_UNKNOWN = 1.0  # rad^2, beyond which a linear variance says nothing more
+_SCALE_SIGMA = 1e-3  # of the length that holds the scale
 
 
 def bending_of(solved: BundleProblem) -> FloatArray:
     """Return the variance (F,), rad^2 about each axis, by which a rotation may err more than the one before.
 
-    The last frame that is held errs by nothing; in a map that begins in the window, the first and the one
-    that gives the scale are held. A path that may stray farther than its rotations say has larger ones: if
-    the rotation walks at random, the variance of the end across the path, over the square of its length, is
-    a third of the variance of the last rotation.
+    The last frame that is held errs by nothing, or the first one of a map that begins in the window; where
+    the last frame lies is known but for its direction, as the scale is no part of the shape. A path that may
+    bend more than its rotations say has larger ones.
 
     Args:
-        solved: The window at its optimum.
+        solved: The window at its optimum, its poses with the keys ``x0``, ``x1``, ...
 
     Returns:
         NaN up to the last frame that is held, and everywhere if observations do not determine the poses.
@@ -41,25 +37,41 @@ def bending_of(solved: BundleProblem) -> FloatArray:
     poses, held = solved.world_T_camera, solved.fixed_frames.copy()
     out = np.full(len(poses), np.nan)
     if not held.any():
-        held[[0, farthest_of_first_views(poses)]] = True
-    last = int(np.flatnonzero(held)[-1])
-    if last + 1 >= len(poses):
+        held[0] = True
+    base, end = int(np.flatnonzero(held)[-1]), len(poses) - 1
+    distance = float(np.linalg.norm(poses[end, :3, 3] - poses[base, :3, 3]))
+    if base == end or not distance:
         return out
+    graph = gtsam.NonlinearFactorGraph(solved.pose_graph)
+    scale = gtsam.noiseModel.Isotropic.Sigma(1, _SCALE_SIGMA * distance)
+    graph.push_back(gtsam.RangeFactorPose3(X(base), X(end), distance, scale))
     try:
-        covariance = marginal_covariances(replace(solved, fixed=held)).poses[last + 1 :]
+        covariance = marginal_covariances(replace(solved, fixed=held, pose_graph=graph)).poses[base + 1 :]
     except GeometryError:
         return out
     variance = np.trace(covariance[:, :3, :3], axis1=1, axis2=2) / 3.0
-    aside = _variance_aside(poses[last:], covariance[-1, 3:, 3:])
-    variance *= max(1.0, 3.0 * aside / max(variance[-1], 1e-12))
-    out[last + 1 :] = np.diff(np.maximum.accumulate(variance), prepend=0.0)
+    bends = _bend_of_path(poses[base:], covariance[:, 3:, 3:])
+    variance *= max(1.0, bends / max(variance[-1], 1e-12))
+    out[base + 1 :] = np.diff(np.maximum.accumulate(np.minimum(variance, _UNKNOWN)), prepend=0.0)
     return out
 
 
-def _variance_aside(poses: FloatArray, covariance: FloatArray) -> float:
-    """Return the variance across a path (n, 4, 4) of its end's position, over the path's length."""
-    chord = poses[-1, :3, :3].T @ (poses[-1, :3, 3] - poses[0, :3, 3])
-    along = chord / max(float(np.linalg.norm(chord)), 1e-12)
-    length = float(travelled(poses[:, :3, 3])[-1])
-    across = 0.5 * (np.trace(covariance) - along @ covariance @ along)
-    return float(across) / max(length, 1e-12) ** 2
+def _bend_of_path(poses: FloatArray, covariance: FloatArray) -> float:
+    """Return the variance, rad^2 about each axis, by which a path bends up to its end.
+
+    A rotation that walks at random takes the end aside by ``length^2 / 3`` times this, and its middle by an
+    eighth of that; noise of the positions takes both aside alike.
+
+    Args:
+        poses: (n, 4, 4) from the one that is held on.
+        covariance: (n - 1, 3, 3) of the positions after it, in the axes of the cameras.
+    """
+    along = travelled(poses[:, :3, 3])
+    middle = max(int(np.searchsorted(along, 0.5 * along[-1])), 1)
+    chord = poses[-1, :3, 3] - poses[0, :3, 3]
+    chord /= np.linalg.norm(chord)
+    rows = np.array([middle, len(along) - 1])
+    axis = chord @ poses[rows, :3, :3]
+    spread = covariance[rows - 1]
+    aside = 0.5 * (np.trace(spread, axis1=1, axis2=2) - np.einsum("ni,nij,nj->n", axis, spread, axis))
+    return float(4.0 * max(aside[1] - 2.0 * aside[0], 0.0) / along[-1] ** 2)

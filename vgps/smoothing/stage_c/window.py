@@ -16,10 +16,11 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import build_problem, gps_and_motion, select_observations
 from vgps.smoothing.scene.motion_factors import motion_factors
 from vgps.smoothing.scene.scene import scene_of_map
-from vgps.smoothing.stage_c.bending import bending_of, farthest_of_first_views
+from vgps.smoothing.stage_c.bending import bending_of
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 
+_FIRST_VIEWS = 10  # of a map, among which the one is held that gives the scale
 _HELD_SIGMA = 1e-4  # rad and map units: a frame that iSAM2 holds
 
 
@@ -73,7 +74,7 @@ def optimise_window(
         speed = _typical_speed(scene.trajectory)
         graph = motion_factors(scene.t_s, scene.unseen, scene.zero_motions, config.motion, speed)
         if not fixed.any():
-            fixed[[0, farthest_of_first_views(scene.poses)]] = True
+            fixed[[0, _farthest_of_first_views(scene.poses)]] = True
     problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
     settings = SolverSettings(
         max_iterations=config.window.iterations * (1 if tolerance == 1.0 else config.window.rough_factor),
@@ -126,6 +127,11 @@ def contradicts(
     return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
 
 
+def _farthest_of_first_views(poses: FloatArray) -> int:
+    away = np.linalg.norm(poses[:_FIRST_VIEWS, :3, 3] - poses[0, :3, 3], axis=1)
+    return int(np.argmax(away))
+
+
 def _typical_speed(path: Trajectory) -> float:
     return float(max(path.length_m / max(path.t_s[-1] - path.t_s[0], 1e-9), 1e-6))
 
@@ -143,7 +149,7 @@ def start_priors(frames: IntArray, poses: FloatArray, aligned: bool) -> gtsam.No
         graph.push_back(_loose_prior(poses[0], int(frames[0])))
         return graph
     held = gtsam.noiseModel.Isotropic.Sigma(6, _HELD_SIGMA)
-    for row in (0, farthest_of_first_views(poses)):
+    for row in (0, _farthest_of_first_views(poses)):
         graph.addPriorPose3(X(int(frames[row])), gtsam.Pose3(poses[row]), held)
     return graph
 
