@@ -12,13 +12,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import vgps
 from scripts.common.recordings import read_truth
 from vgps.config import OnlineConfig
 from vgps.geodesy import to_enu
-from vgps.geometry import interpolate_poses
+from vgps.geometry import interpolate_poses, rotation_vectors
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.offset_errors import between_receivers, errors_of
@@ -153,8 +152,8 @@ def rotation_errors(
     """
     chosen = [estimates[row] for row in np.flatnonzero(rows)]
     found = np.array([one.global_T_camera[:3, :3] for one in chosen])
-    turn = Rotation.from_matrix(found @ true[: len(rows)][rows, :3, :3].transpose(0, 2, 1))
-    return turn.as_rotvec(), np.array([one.sigma_rotation_rad for one in chosen])
+    turn_rad = rotation_vectors(found @ true[: len(rows)][rows, :3, :3].transpose(0, 2, 1))
+    return turn_rad, np.array([one.sigma_rotation_rad for one in chosen])
 
 
 def mean_nees(error: FloatArray, sigma: FloatArray) -> float:

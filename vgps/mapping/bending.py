@@ -4,7 +4,7 @@ import numpy as np
 
 from vgps.model import FloatArray
 
-_WINDOW_FRAMES = 30  # no fewer than from one stage C to the next that counts
+_WINDOW_FRAMES = 30  # by the settings' defaults a stage C counts 26 frames after the one before
 
 
 def continued(bending: FloatArray) -> FloatArray:

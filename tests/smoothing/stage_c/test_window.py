@@ -52,6 +52,17 @@ def test_an_unaligned_map_keeps_its_scale():
     assert abs(kept / baseline - 1.0) < 0.02 and away(poses, true) > 3.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "aligned, model, stated", [(False, "cylinder", True), (True, "none", True), (True, "cylinder", False)]
+)
+def test_the_bending_is_stated_where_no_fixes_straighten_the_path(aligned, model, stated):
+    problem, _, _, fixes = scene(frames=20)
+    made = map_of(problem, 0, 19, aligned=aligned)
+    made.apply(optimise_window(made, fixes, ANTENNA, context(CONFIG.with_gps(model=model))).update)
+    assert np.isfinite(made.bending[10:]).all() == stated == bool(np.nansum(made.bending) > 0.0)
+
+
 def test_fixes_contradict_a_map_only_beyond_region_and_tolerance():
     problem, true, _, fixes = scene()
     made = map_of(replace(problem, world_T_camera=true), 0, 59)
