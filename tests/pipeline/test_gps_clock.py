@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from brief_videos import first_frames
+from brief_videos import ending_dark, first_frames
 from fewer_features import fewer_features
 
 import vgps
@@ -183,6 +183,13 @@ def test_a_path_that_never_met_the_fixes_shows_their_clock(data_dir):
     for late_s, recording in recordings.items():
         _, fixes = world_fixes(recording, Config())
         assert gps_clock.clock_by_shape(alone, fixes, Config()).shown_s == pytest.approx(late_s, abs=0.25)
+
+
+def test_frames_at_the_end_that_show_nothing_are_not_compared(brief):
+    """In so short a video the rough solution has every frame."""
+    dark = first_frames(ending_dark(vgps.open_recording(brief), 24), 30)
+    front_end = gps_clock.with_gps_clock(run_front_end(dark, FEWER_FEATURES, NoProgress()), FEWER_FEATURES)
+    assert front_end.clock is not None and len(front_end.clock.video) == 24
 
 
 def test_fixes_are_during_the_video_by_the_configured_time_offset(recording):

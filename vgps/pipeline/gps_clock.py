@@ -259,12 +259,14 @@ def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
 
 
 def _among(few: Trajectory, path: Trajectory) -> Trajectory:
-    """Return a path through few frames, between which it runs as another one through all of them."""
-    at = np.searchsorted(path.t_s, few.t_s)
-    to_path = similarity_of_poses(path.world_T_camera[at], few.world_T_camera)
-    moved = to_path.poses(few.world_T_camera)[:, :3, 3] - path.world_T_camera[at, :3, 3]
+    """Return a path through those of few frames that are in it, between which it runs as it did."""
+    inside = (few.t_s >= path.t_s[0]) & (few.t_s <= path.t_s[-1])
+    few_s, few_poses = few.t_s[inside], few.world_T_camera[inside]
+    at = np.searchsorted(path.t_s, few_s)
+    to_path = similarity_of_poses(path.world_T_camera[at], few_poses)
+    moved = to_path.poses(few_poses)[:, :3, 3] - path.world_T_camera[at, :3, 3]
     poses = path.world_T_camera.copy()
-    poses[:, :3, 3] += interpolate_vectors(few.t_s, moved, path.t_s)
+    poses[:, :3, 3] += interpolate_vectors(few_s, moved, path.t_s)
     return Trajectory(path.t_s, poses)
 
 
