@@ -108,6 +108,20 @@ def test_the_land_shows_the_pitch_of_a_straight_sideways_flight(down_deg, roll_d
     assert np.degrees(guessed.tilt_rad) > 45.0
 
 
+@pytest.mark.parametrize("turns, hangs", [(False, False), (True, True)])
+def test_a_camera_hangs_only_where_fixes_show_it(turns, hangs):
+    """A straight path that the camera looks across fits as well upside down."""
+    angle = np.linspace(0.0, 1.2 if turns else 0.02, 12)
+    world = np.tile(np.eye(4), (12, 1, 1))
+    world[:, :3, 3] = 20.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle), 0.0 * angle], axis=1)
+    inward = Rotation.from_rotvec(angle[:, None] * [0, 0, 1]).as_matrix() @ LOOKS_NORTH
+    world[:, :3, :3] = inward @ Rotation.from_euler("z", 180.0 * hangs, degrees=True).as_matrix()
+    fixes = antennas(world) - 0.4 * np.gradient(world[:, :3, 3], axis=0)
+    rotation = Rotation.from_rotvec([0.4, -1.0, 2.0]).as_matrix()
+    found = align(seen_by(in_map(world, 3.7, rotation, np.zeros(3)), fixes, [0.07, 0.07, 0.05]), CONFIG)
+    assert np.degrees(Rotation.from_matrix(found.world_R_map @ rotation.T).magnitude()) < 6.0
+
+
 def flight_after_a_turn(rate_deg_s, down_deg, course_deg):
     """A drone that turns on the spot for 10 s and flies off for 2 s, at 3 Hz."""
     t_s = np.arange(36) / 3.0

@@ -233,8 +233,9 @@ def _level_starts(seen: Correspondences) -> list[Similarity]:
     rotations = [
         _axes(world_forward, world_up) @ _axes(forward, up).T for up in ups if np.linalg.norm(up) >= least
     ]
+    antennas = scale * centres + seen.map_T_camera[:, :3, :3] @ seen.camera_p_antenna
     return [
-        Similarity(scale, rotation, np.median(fixes - scale * centres @ rotation.T, axis=0))
+        Similarity(scale, rotation, np.median(fixes - antennas @ rotation.T, axis=0))
         for rotation in rotations
     ]
 
