@@ -25,9 +25,9 @@ class WindowConfig(SettingsModel):
     iterations: PositiveInt = 4
     """Steps of an optimisation at most."""
     rough_factor: PositiveInt = 3
-    """Factor on iterations in a window before which drift was corrected."""
+    """Factor on iterations where drift was corrected before, or a map begins without fixes."""
     corrected_tolerance: float = Field(default=5.0, ge=1.0)
-    """Factor on mapping.max_reprojection_px in such a window: it needs its long tracks, which fit badly."""
+    """Factor on mapping.max_reprojection_px where drift was corrected: long tracks fit badly there."""
     delay_frames: NonNegativeInt = 11
     """Frames after which a window's result is used, however quickly it was found, so that results repeat."""
     tolerated_drift: Share = 0.02

@@ -9,16 +9,15 @@ from dataclasses import replace
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 
 from vgps.errors import GeometryError
 from vgps.geometry import travelled
 from vgps.model import FloatArray
+from vgps.smoothing.stage_c.held_scale import held_distance
 from vgps.solver.marginals import marginal_covariances
 from vgps.solver.problem import BundleProblem
 
 _UNKNOWN = 1.0  # rad^2, beyond which a linear variance says nothing more
-_SCALE_SIGMA = 1e-3  # of the length that holds the scale
 
 
 def bending_of(solved: BundleProblem) -> FloatArray:
@@ -39,12 +38,11 @@ def bending_of(solved: BundleProblem) -> FloatArray:
     if not held.any():
         held[0] = True
     base, end = int(np.flatnonzero(held)[-1]), len(poses) - 1
-    distance = float(np.linalg.norm(poses[end, :3, 3] - poses[base, :3, 3]))
-    if base == end or not distance:
+    scale = held_distance(poses, base, end)
+    if not scale.size():
         return out
     graph = gtsam.NonlinearFactorGraph(solved.pose_graph)
-    scale = gtsam.noiseModel.Isotropic.Sigma(1, _SCALE_SIGMA * distance)
-    graph.push_back(gtsam.RangeFactorPose3(X(base), X(end), distance, scale))
+    graph.push_back(scale)
     try:
         covariance = marginal_covariances(replace(solved, fixed=held, pose_graph=graph)).poses[base + 1 :]
     except GeometryError:

@@ -134,7 +134,8 @@ class IncrementalWindow:
         if aligned:
             graph.push_back(level_priors(frames, self._context.config.start))
         if window.offset == window.since:
-            graph.push_back(start_priors(frames, window.scene.poses, aligned))
+            tied = aligned and self._context.config.gps.model != "none"
+            graph.push_back(start_priors(window.scene.poses, aligned, tied, window.since))
         return GraphChange(factors={("start", k): graph.at(k) for k in range(graph.size())})
 
 

@@ -11,17 +11,17 @@ from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions
-from vgps.model import FloatArray, IntArray
+from vgps.model import FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import build_problem, gps_and_motion, select_observations
 from vgps.smoothing.scene.motion_factors import motion_factors
 from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_c.bending import bending_of
+from vgps.smoothing.stage_c.held_scale import held_distance
 from vgps.solution import Trajectory
 from vgps.solver.bundle_adjustment import SolverSettings, solve
 
-_FIRST_VIEWS = 10  # of a map, among which the one is held that gives the scale
-_HELD_SIGMA = 1e-4  # rad and map units: a frame that iSAM2 holds
+_HELD_SIGMA = 1e-4  # rad and map units: a frame that is held
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def optimise_window(
     information, mainly scale and position, into the window. This is faster than iSAM2
     (``scripts.benchmarks.stage_c``), but held frames may be wrong, for which :func:`contradicts` tests the
     fixes. A map that begins in the window is constrained by GPS if it is aligned, else by holding its first
-    posed frame and the farthest of the next few.
+    posed frame and how far the farthest one is from it. Such a map may be bent: its window takes more steps.
 
     Args:
         local_map: The map; it is not changed.
@@ -68,23 +68,24 @@ def optimise_window(
     fixed = np.arange(len(scene.t_s)) < since - first
     if local_map.aligned:
         graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
-        if not fixed.any():
-            graph.push_back(_loose_prior(scene.poses[0]))
     else:
         speed = _typical_speed(scene.trajectory)
         graph = motion_factors(scene.t_s, scene.unseen, scene.zero_motions, config.motion, speed)
-        if not fixed.any():
-            fixed[[0, _farthest_of_first_views(scene.poses)]] = True
+    tied = local_map.aligned and (config.gps.model != "none" or len(scene.controls.frame) > 0)
+    if starts := not fixed.any():
+        graph.push_back(start_priors(scene.poses, local_map.aligned, tied))
     problem = build_problem(scene, np.nan_to_num(sigma, nan=1.0), graph, context, fixed)
+    may_bend = starts and not tied
+    rough = may_bend or tolerance > 1.0
     settings = SolverSettings(
-        max_iterations=config.window.iterations * (1 if tolerance == 1.0 else config.window.rough_factor),
-        relative_tolerance=config.batch.relative_tolerance,
+        max_iterations=config.window.iterations * (config.window.rough_factor if rough else 1),
+        relative_tolerance=config.batch.early_tolerance if may_bend else config.batch.relative_tolerance,
     )
     solved = solve(problem, settings)
     result, reliable = solved.problem, np.isfinite(sigma)
     positions = Positions(ids[reliable], result.world_p_landmark[reliable], sigma[reliable])
     bending = None
-    if not local_map.aligned or config.gps.model == "none":  # else fixes straighten it
+    if not tied:  # else fixes straighten it
         bending = bending_of(result)
     update = MapUpdate(first_frame=first, poses=result.world_T_camera, bending=bending, positions=positions)
     return WindowResult(update, not solved.stuck)
@@ -127,34 +128,24 @@ def contradicts(
     return bool(np.hypot(*shared[:2]) > fixes.r_m[rows].mean() or abs(shared[2]) > fixes.h_m[rows].mean())
 
 
-def _farthest_of_first_views(poses: FloatArray) -> int:
-    away = np.linalg.norm(poses[:_FIRST_VIEWS, :3, 3] - poses[0, :3, 3], axis=1)
-    return int(np.argmax(away))
-
-
 def _typical_speed(path: Trajectory) -> float:
     return float(max(path.length_m / max(path.t_s[-1] - path.t_s[0], 1e-9), 1e-6))
 
 
-def start_priors(frames: IntArray, poses: FloatArray, aligned: bool) -> gtsam.NonlinearFactorGraph:
-    """Return what holds a map whose first frame is in the window, as :func:`optimise_window` holds it.
+def start_priors(poses: FloatArray, aligned: bool, tied: bool, first: int = 0) -> gtsam.NonlinearFactorGraph:
+    """Return what holds a map whose first frame is in the window.
 
     Args:
-        frames: (F,) frames of the window.
-        poses: (F, 4, 4) their poses.
-        aligned: Whether fixes tie the map to the world; else two frames are held.
+        poses: (F, 4, 4) of the frames of the window.
+        aligned: Whether the map's world is that of the fixes; else its first frame is held.
+        tied: Whether fixes or control points give its place and scale; else the scale is held.
+        first: Number of the first frame, in its key.
     """
-    graph = gtsam.NonlinearFactorGraph()
-    if aligned:
-        graph.push_back(_loose_prior(poses[0], int(frames[0])))
-        return graph
-    held = gtsam.noiseModel.Isotropic.Sigma(6, _HELD_SIGMA)
-    for row in (0, _farthest_of_first_views(poses)):
-        graph.addPriorPose3(X(int(frames[row])), gtsam.Pose3(poses[row]), held)
-    return graph
-
-
-def _loose_prior(pose: FloatArray, frame: int = 0) -> gtsam.PriorFactorPose3:
     # on a straight path fixes do not determine the roll; this keeps the system positive definite
-    sigmas = np.array([0.1, 0.1, 0.1, 100.0, 100.0, 100.0])
-    return gtsam.PriorFactorPose3(X(frame), gtsam.Pose3(pose), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+    sigmas = np.array([0.1, 0.1, 0.1, 100.0, 100.0, 100.0]) if aligned else np.full(6, _HELD_SIGMA)
+    graph = gtsam.NonlinearFactorGraph()
+    graph.addPriorPose3(X(first), gtsam.Pose3(poses[0]), gtsam.noiseModel.Diagonal.Sigmas(sigmas))
+    if not tied:
+        farthest = int(np.argmax(np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)))
+        graph.push_back(held_distance(poses, 0, farthest, first))
+    return graph
