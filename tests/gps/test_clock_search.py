@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import is_mirrored, levelled, search_time_offset, shows_no_time_offset
+from vgps.gps.clock_search import (
+    _Misfit,
+    is_mirrored,
+    levelled,
+    search_time_offset,
+    shows_no_time_offset,
+)
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
@@ -86,6 +92,17 @@ def test_a_jump_of_the_fixes_near_an_end_shows_no_offset_that_leaves_it_out(begi
     fixes.world_p_fix[t_s < 3.0 if begins else t_s > 26.0] += [1.0, -1.5, 0.0]
     found = search_time_offset(trajectory(walk(video_s), video_s), fixes, np.zeros(3), CONFIG)
     assert found is None or abs(found) < 1.0
+
+
+@pytest.mark.parametrize("usual, refuted", [(0.02, True), (0.2, False)])
+def test_what_coarse_fixes_may_well_leave_refutes_no_time_offset(usual, refuted):
+    """RTK-fixes of a straight agree with a clip elsewhere; it lies among fixes that err by a fifth."""
+    lengths, pairs = np.linspace(0.5, 1.5, 9), np.arange(9)
+    elsewhere = _Misfit(0.02 * lengths, np.full(9, 0.02), pairs, 13)
+    here = _Misfit(0.2 * lengths, np.full(9, usual), pairs + 20, 13)
+    assert elsewhere.clearly_less(here, CONFIG.significance_sigmas, tried=60.0) == refuted
+    common = here._replace(rows=pairs)  # with these very fixes it is
+    assert elsewhere.clearly_less(common, CONFIG.significance_sigmas, tried=60.0)
 
 
 @pytest.mark.slow

@@ -30,6 +30,8 @@ _MIN_SHARE = 0.5  # of the pairs that the best overlap has
 _REWEIGHTINGS = 4
 _MOVING = 0.75  # quantile of displacements; a quarter may be wrong, three quarters those of a stop
 _EXPLAINED_SHARE = 0.1  # of the motion that may be left of fixes which a path explains
+_VIDEO_SHARE = 0.02  # of the motion that a video's own errors may leave
+_CHANGE = 0.1  # of its region, by which an error that lasts half a minute changes within a second
 _LEAST_SCALE = 1e-3  # of the differences, for motions that agree exactly, as simulated ones may
 _CAUCHY_MEAN = 2.0 / 3.0  # of r^2 / (scale^2 + r^2) at the likeliest scale of Cauchy vectors in the plane
 
@@ -51,12 +53,17 @@ class ClockCheck(NamedTuple):
 
 
 class _Misfit(NamedTuple):
-    """Lengths (n,) of what is left of the fixes' displacements at a time offset, over those themselves.
+    """What is left of the fixes' displacements at a time offset.
 
-    ``rows`` (n,) are the first fixes of the pairs within the video.
+    Attributes:
+        left: (n,) lengths, over those of the displacements themselves.
+        usual: (n,) lengths that errors of fixes of such classes, and of the video, may well leave, likewise.
+        rows: (n,) the first fixes of the pairs within the video.
+        degrees_of_freedom: Of the two residuals of each pair.
     """
 
     left: FloatArray
+    usual: FloatArray
     rows: IntArray
     degrees_of_freedom: int
 
@@ -72,23 +79,26 @@ class _Misfit(NamedTuple):
         Of the likelier of Gaussian and Cauchy differences, each at its likeliest scale: with Cauchy's, the
         leap of an RTK-float that settles anew, or a wrong fix, does not hide how well all others agree.
         """
-        if not len(self.left):
-            return np.inf
-        gaussian = np.log(max(float(np.mean(self.left**2)) / 2.0, _LEAST_SCALE**2)) + 1.0
-        return float(min(gaussian, _cauchy_cost(self.left)))
+        return _cost(self.left)
+
+    @property
+    def cost_over_usual(self) -> float:
+        """The same of lengths over the usual ones, to compare fixes of different classes."""
+        return _cost(self.left / self.usual)
 
     def among(self, rows: IntArray) -> "_Misfit":
         """Return that of some of the pairs."""
         chosen = np.isin(self.rows, rows)
         freedom = self.degrees_of_freedom - 2 * int(np.sum(~chosen))
-        return _Misfit(self.left[chosen], self.rows[chosen], freedom)
+        return _Misfit(self.left[chosen], self.usual[chosen], self.rows[chosen], freedom)
 
     def clearly_less(self, other: "_Misfit", significance_sigmas: float, tried: float) -> bool:
         """Return whether this explains the fixes beyond doubt better than another time offset.
 
         By the likelihoods of the pairs that both have within the video: a wrong fix that one of them leaves
-        out says nothing. Where these are too few, each with its own; one without pairs says nothing. Of
-        Gaussian differences it would be the F-test of one parameter.
+        out says nothing. Where these are too few, each with its own, over what is usual: a straight at
+        walking pace fits RTK-fixes better than the right stretch of RTK-floats. One without pairs says
+        nothing. Of Gaussian differences it would be the F-test of one parameter.
 
         Args:
             other: Of the other time offset.
@@ -97,14 +107,15 @@ class _Misfit(NamedTuple):
         """
         if not len(other.left):
             return False
-        this, common = self, np.intersect1d(self.rows, other.rows)
+        common = np.intersect1d(self.rows, other.rows)
         if len(common) >= _MIN_COMMON_PAIRS:
             this, other = self.among(common), other.among(common)
-        freedom = this.degrees_of_freedom
+            freedom, gain = this.degrees_of_freedom, other.cost - this.cost
+        else:
+            freedom, gain = self.degrees_of_freedom, other.cost_over_usual - self.cost_over_usual
         if freedom < 1:
             return False
-        least = np.log1p(min_gain(significance_sigmas, freedom, tried) / freedom)
-        return bool(other.cost - this.cost > least)
+        return bool(gain > np.log1p(min_gain(significance_sigmas, freedom, tried) / freedom))
 
 
 def search_time_offset(
@@ -250,7 +261,7 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     inside = (t_s >= seen.t_s[0]) & (t_s <= seen.t_s[-1])
     rows = np.flatnonzero(inside[:-1] & inside[1:] & (np.diff(t_s) <= config.max_pair_s))
     if len(rows) < _MIN_PAIRS:
-        return _Misfit(np.zeros(0), rows[:0], 0)
+        return _Misfit(np.zeros(0), np.zeros(0), rows[:0], 0)
     camera = np.diff(np.interp(t_s, seen.t_s, seen.antenna))[rows]
     wanted = np.diff(fixes.world_p_fix[:, 0] + 1j * fixes.world_p_fix[:, 1])[rows]
     knots_s = np.linspace(t_s[rows[0]], t_s[rows[-1]], 2 + int(np.ptp(t_s[rows]) / config.knot_s))
@@ -259,7 +270,16 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     length = np.abs(wanted)
     bound = max(float(np.quantile(length, _MOVING)), MIN_SPREAD_M)  # a displacement while it moves
     moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), MIN_SPREAD_M)
-    return _Misfit(np.abs(difference) / moved, rows, 2 * len(rows) - 2 * knots.count - 1)
+    usual = np.hypot(_VIDEO_SHARE, _CHANGE * np.maximum(fixes.r_m[rows], fixes.r_m[rows + 1]) / moved)
+    return _Misfit(np.abs(difference) / moved, usual, rows, 2 * len(rows) - 2 * knots.count - 1)
+
+
+def _cost(lengths: FloatArray) -> float:
+    """Return twice the negative log-likelihood of vectors (n,) per component, see :class:`_Misfit`."""
+    if not len(lengths):
+        return np.inf
+    gaussian = np.log(max(float(np.mean(lengths**2)) / 2.0, _LEAST_SCALE**2)) + 1.0
+    return float(min(gaussian, _cauchy_cost(lengths)))
 
 
 def _cauchy_cost(lengths: FloatArray) -> float:
