@@ -8,13 +8,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import (
-    _Misfit,
-    is_mirrored,
-    levelled,
-    search_time_offset,
-    shows_no_time_offset,
-)
+from vgps.gps.clock_search import _Misfit, is_mirrored, levelled, search_time_offset, shows_no_time_offset
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)

@@ -270,7 +270,8 @@ def _misfit(seen: _Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig
     length = np.abs(wanted)
     bound = max(float(np.quantile(length, _MOVING)), MIN_SPREAD_M)  # a displacement while it moves
     moved = max(float(np.sqrt(np.mean(np.minimum(length, bound) ** 2))), MIN_SPREAD_M)
-    usual = np.hypot(_VIDEO_SHARE, _CHANGE * np.maximum(fixes.r_m[rows], fixes.r_m[rows + 1]) / moved)
+    changes = _CHANGE * np.sqrt(np.diff(t_s)[rows]) * np.maximum(fixes.r_m[rows], fixes.r_m[rows + 1])
+    usual = np.hypot(_VIDEO_SHARE, changes / moved)
     return _Misfit(np.abs(difference) / moved, usual, rows, 2 * len(rows) - 2 * knots.count - 1)
 
 
