@@ -44,8 +44,9 @@ def optimise_window(
     Older frames that share features with the window are held as if they were exact; they alone carry earlier
     information, mainly scale and position, into the window. This is faster than iSAM2
     (``scripts.benchmarks.stage_c``), but held frames may be wrong, for which :func:`contradicts` tests the
-    fixes. A map that begins in the window is constrained by GPS if it is aligned, else by holding its first
-    posed frame and how far the farthest one is from it. Such a map may be bent: its window takes more steps.
+    fixes. A map that begins in the window is constrained by fixes or control points if it is aligned; without
+    them its scale is held by how far its farthest frame is from the first, and as it may be bent, its windows
+    take more steps.
 
     Args:
         local_map: The map; it is not changed.
