@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.clock_search import _Misfit, is_mirrored, levelled, search_time_offset, shows_no_time_offset
+from vgps.gps.clock_search import is_mirrored, levelled, search_time_offset, shows_no_time_offset
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
@@ -88,15 +88,21 @@ def test_a_jump_of_the_fixes_near_an_end_shows_no_offset_that_leaves_it_out(begi
     assert found is None or abs(found) < 1.0
 
 
-@pytest.mark.parametrize("usual, refuted", [(0.02, True), (0.2, False)])
-def test_what_coarse_fixes_may_well_leave_refutes_no_time_offset(usual, refuted):
-    """RTK-fixes of a straight agree with a clip elsewhere; it lies among fixes that err by a fifth."""
-    lengths, pairs = np.linspace(0.5, 1.5, 9), np.arange(9)
-    elsewhere = _Misfit(0.02 * lengths, np.full(9, 0.02), pairs, 13)
-    here = _Misfit(0.2 * lengths, np.full(9, usual), pairs + 20, 13)
-    assert elsewhere.clearly_less(here, CONFIG.significance_sigmas, tried=60.0) == refuted
-    common = here._replace(rows=pairs)  # with these very fixes it is
-    assert elsewhere.clearly_less(common, CONFIG.significance_sigmas, tried=60.0)
+@pytest.mark.slow
+@pytest.mark.parametrize("float_r_m, shown", [(3.0, False), (0.07, True)])
+def test_quiet_fixes_of_a_straight_do_not_win_over_the_right_noisy_ones(float_r_m, shown):
+    """A clip of six seconds of a walk, 20 s in, where all but the first fixes are RTK-floats."""
+    t_s, video_s = np.arange(0.3, 44.0), np.arange(0.0, 5.7, 0.1)
+
+    def walk(t_s):
+        return np.stack([1.4 * t_s, 0.02 * t_s, 0 * t_s], axis=1)
+
+    floats = t_s > 5.5
+    fixes = stamped(walk, -20.0, noise_m=0.002, t_s=t_s)
+    fixes.world_p_fix[floats] += np.random.default_rng(5).normal(0.0, 0.3, (int(floats.sum()), 3))
+    fixes = replace(fixes, r_m=np.where(floats, float_r_m, 0.07))
+    found = search_time_offset(trajectory(walk(video_s + 20.0), video_s), fixes, np.zeros(3), CONFIG)
+    assert (found is not None) == shown
 
 
 @pytest.mark.slow

@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
-import numpy as np
-
 import vgps
 from vgps.model import FloatArray, Frame
 from vgps.readers.video.derived_video import DerivedVideo
@@ -35,25 +33,6 @@ class _Thinned(DerivedVideo):
         for frame in self.video.frames():
             if frame.index % self.every == 0:
                 yield replace(frame, index=frame.index // self.every)
-
-
-@dataclass(frozen=True)
-class _EndingDark(DerivedVideo):
-    since: int
-
-    @property
-    def times_s(self) -> FloatArray:
-        return self.video.times_s
-
-    def frames(self) -> Iterator[Frame]:
-        for frame in self.video.frames():
-            dark = frame.index >= self.since
-            yield replace(frame, gray=np.zeros_like(frame.gray)) if dark else frame
-
-
-def ending_dark(recording: vgps.Recording, since: int) -> vgps.Recording:
-    """Return a recording whose video is black from a frame on."""
-    return replace(recording, video=_EndingDark(recording.video, since))
 
 
 def thinned(recording: vgps.Recording, every: int) -> vgps.Recording:
