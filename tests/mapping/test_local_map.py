@@ -118,8 +118,15 @@ def test_old_zero_motions_and_bridged_frames_are_discarded():
     made.apply(MapUpdate(zero_motions=tuple(held), frames=bridged))
     assert made.bridged == {31, 33} and np.flatnonzero(~made.moving).tolist() == [5, 15, 25]
     made.discard_before(10, 20)
-    assert made.bridged == {31, 33} and [motion.frame for motion in made.zero_motions] == [25]
-    assert np.flatnonzero(~made.moving).tolist() == [25 - made.first_frame]
+    assert made.bridged == {31, 33} and [motion.frame for motion in made.zero_motions] == [15, 25]
+    assert made.first_frame == 10 and np.flatnonzero(~made.moving).tolist() == [5, 15]
+
+
+def test_frames_that_stand_do_not_count_among_the_last_ones():
+    made = walked(30, np.random.default_rng(0))
+    assert made.last_moving(10) == 20 and made.last_moving(50) == 0
+    made.apply(MapUpdate(zero_motions=tuple(ZeroMotion(k, 11, np.eye(4), np.ones(6)) for k in range(12, 22))))
+    assert made.last_moving(8) == 22 and made.last_moving(10) == 10
 
 
 def test_a_map_grows_on_after_nearly_everything_was_discarded():

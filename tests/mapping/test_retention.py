@@ -1,4 +1,5 @@
 import numpy as np
+from synthetic_map import map_of, scene
 
 from vgps.config import Config, MappingConfig, OnlineConfig, WindowConfig
 from vgps.mapping.local_map import LocalMap
@@ -39,6 +40,16 @@ def test_frames_with_observations_keep_their_poses_though_the_horizon_is_later()
     local_map = walk()
     retired = retire_before(local_map, 99.0, RetentionPolicy(view_frames=15, path_s=0.0))
     assert len(retired.poses) == 25 and local_map.first_frame == 125
+
+
+def test_what_was_seen_before_a_stop_is_kept_as_long_as_the_path():
+    """The camera stands in frames 41 to 70 of 90; six of the last 25 that move lie before."""
+    problem, _, _, _ = scene()
+    local_map, policy = map_of(problem, 0, 59, stop=(40, 30)), RetentionPolicy(view_frames=25, path_s=0.0)
+    retire_before(local_map, 0.0, policy)
+    assert local_map.observations().frame.min() == 35 and local_map.first_frame == 0
+    retire_before(local_map, 5.0, policy)
+    assert local_map.observations().frame.min() == 71 and local_map.first_frame == 50
 
 
 def test_before_the_first_frame_there_is_nothing_to_retire():

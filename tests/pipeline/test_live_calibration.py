@@ -14,7 +14,7 @@ from synthetic_map import CAMERA, map_of, scene
 from vgps.camera import undistort
 from vgps.config import BatchConfig, Config, IntrinsicsConfig, WindowConfig
 from vgps.errors import GeometryError
-from vgps.geometry import project
+from vgps.geometry import project, travelled
 from vgps.gps.fix_buffer import FixBuffer
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
@@ -39,8 +39,8 @@ WRONG = replace(CAMERA, model="opencv", cx=CAMERA.cx + 4.0, distortion=(0.1, 0.0
 SENSORS = Sensors.fixed(ANTENNA)
 
 
-def map_seen_by(camera: Camera):
-    made = map_of(scene(disturbed=0.0)[0], 0, 59)
+def map_seen_by(camera: Camera, stop=(-1, 0)):
+    made = map_of(scene(disturbed=0.0)[0], 0, 59, stop=stop)
     made.apply(MapUpdate(undistorted=undistorted_again(camera, CAMERA)))
     return made
 
@@ -73,6 +73,17 @@ def test_a_map_follows_the_camera_that_its_frames_show():
     np.testing.assert_allclose(local_map.poses[0, :3, 3], poses[0, :3, 3], atol=1e-9)  # it stays in place
     step = [np.linalg.norm(one[1, :3, 3] - one[0, :3, 3]) for one in (local_map.poses, poses)]
     assert step[0] == pytest.approx(step[1], rel=0.2)  # and keeps its scale there
+
+
+@pytest.mark.slow
+def test_a_map_keeps_its_scale_after_a_stop_longer_than_what_is_kept():
+    local_map = map_seen_by(WRONG, stop=(19, 150))
+    made, before = calibrated(WRONG, local_map), local_map.poses.copy()
+    local_map.apply(made.resolved(local_map, WRONG, SENSORS))
+    way = [travelled(poses[150:, :3, 3])[-1] for poses in (local_map.poses, before)]
+    assert way[0] == pytest.approx(way[1], rel=0.05)
+    stop = local_map.poses[19:170, :3, 3]
+    np.testing.assert_allclose(stop, np.broadcast_to(stop[0], stop.shape), atol=1e-2)
 
 
 @pytest.mark.slow

@@ -172,9 +172,9 @@ def test_a_camera_that_creeps_is_where_its_features_say():
 
 
 def test_a_long_stop_gets_a_view_before_the_last_one_is_discarded():
-    policy = RetentionPolicy(view_frames=10, path_s=1.0)
+    policy = RetentionPolicy(view_frames=10, path_s=2.0)
     still = (0.0, 0.0, 0.0)
-    assert stands(still, frame=6, retention=policy) and not stands(still, frame=7, retention=policy)
+    assert stands(still, frame=11, retention=policy) and not stands(still, frame=12, retention=policy)
     assert stands(still, frame=700)
 
 

@@ -8,6 +8,7 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, NewFeatures, NewFrame, NewView, Positions
+from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import Camera
 from vgps.smoothing.context import SmoothingContext
 
@@ -27,8 +28,11 @@ def moved(local_map, since, change):
     local_map.apply(MapUpdate(first_frame=since, poses=change(poses)))
 
 
-def map_of(problem, first, last, history=60, aligned=True):
-    """Frames first..last with the problem's poses, observations and points."""
+def map_of(problem, first, last, history=60, aligned=True, stop=(-1, 0)):
+    """Frames first..last with the problem's poses, observations and points, and a stop.
+
+    ``stop`` is the frame after which the camera stands, and for how many frames.
+    """
     made = LocalMap(first, history)
     of_id: list[int] = []  # landmark of every feature
     for frame in range(first, last + 1):
@@ -37,13 +41,18 @@ def map_of(problem, first, last, history=60, aligned=True):
         followed = [of_id[feature] for feature in made.ids.tolist()]
         found = np.array([landmark in uv for landmark in followed], dtype=bool)
         seen = np.array([uv.get(landmark, np.zeros(2)) for landmark in followed]).reshape(-1, 2)
-        pose = NewFrame(INTERVAL_S * frame, problem.world_T_camera[frame])
-        made.apply(MapUpdate(frames=(pose,), view=NewView(frame, seen, seen, found)))
+        number = made.next_frame
+        pose = NewFrame(INTERVAL_S * number, problem.world_T_camera[frame])
+        made.apply(MapUpdate(frames=(pose,), view=NewView(number, seen, seen, found)))
         still = set(np.array(followed)[found].tolist())
         new = [landmark for landmark in uv if landmark not in still]
         at = np.array([uv[landmark] for landmark in new]).reshape(-1, 2)
         made.apply(MapUpdate(features=NewFeatures(at, at, np.zeros(len(new), dtype=np.uint8))))
         of_id.extend(new)
+        for standing in range(number + 1, number + 1 + stop[1]) if frame == stop[0] else ():
+            still_there = NewFrame(INTERVAL_S * standing, problem.world_T_camera[frame])
+            held = ZeroMotion(standing, number, np.eye(4), np.full(6, 1e-3))
+            made.apply(MapUpdate(frames=(still_there,), zero_motions=(held,)))
     sigma_px = np.full(len(of_id), 0.5)
     positions = Positions(np.arange(len(of_id)), problem.world_p_landmark[of_id], sigma_px)
     made.apply(MapUpdate(positions=positions, aligned=aligned))

@@ -77,6 +77,11 @@ class LocalMap:
         standing = np.array(list(self._zero_motions), dtype=np.int64)
         return ~np.isin(self.first_frame + np.arange(len(self._path)), standing)
 
+    def last_moving(self, count: int) -> int:
+        """Return the first of the last ``count`` frames in which the camera moved, of fewer if there are."""
+        rows = np.flatnonzero(self.moving)[-count:]
+        return self.first_frame + (int(rows[0]) if len(rows) else 0)
+
     @property
     def bridged(self) -> frozenset[int]:
         """Frames without observations, posed by interpolation."""
@@ -230,7 +235,7 @@ class LocalMap:
 
         Args:
             frame: First frame that keeps its pose; at most ``view_frame``.
-            view_frame: First frame that keeps its observations and its zero-motion constraint.
+            view_frame: First frame that keeps its observations.
 
         Returns:
             (n, 4, 4) the discarded poses, from the previous ``first_frame`` on.
@@ -238,7 +243,7 @@ class LocalMap:
         view_frame = min(view_frame, self._followed.newest)
         frame = max(min(frame, view_frame), self.first_frame)
         self._log.discard_before(view_frame)
-        kept = (m for m in self.zero_motions if m.frame >= view_frame and m.reference >= frame)
+        kept = (m for m in self.zero_motions if m.frame >= frame)
         self._zero_motions = {motion.frame: motion for motion in kept}
         self._followed.discard_before(frame)
         self._discard_features()

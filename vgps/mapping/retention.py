@@ -11,10 +11,11 @@ from vgps.model import FloatArray
 
 @dataclass(frozen=True)
 class RetentionPolicy:
-    """How much is kept: observations in frames, path and fixes in seconds.
+    """How much is kept: observations in frames that move, path and fixes in seconds.
 
     Stage C needs the observations of a window and of the longest track before it; keeping more changes
-    nothing. Drift correction and outlier detection need the path.
+    nothing. Drift correction and outlier detection need the path. During a stop what was seen before it is
+    kept as long as the path.
     """
 
     view_frames: int
@@ -53,5 +54,7 @@ def retire_before(local_map: LocalMap, horizon_s: float, policy: RetentionPolicy
     """
     first, bridged = local_map.first_frame, local_map.bridged
     oldest = first + int(np.searchsorted(local_map.t_s, horizon_s))
-    poses = local_map.discard_before(oldest, local_map.next_frame - policy.view_frames)
+    latest = local_map.next_frame - policy.view_frames  # unless the camera stood
+    views = max(local_map.last_moving(policy.view_frames), min(oldest, latest))
+    poses = local_map.discard_before(oldest, views)
     return RetiredPoses(first, poses, local_map.aligned, bridged)

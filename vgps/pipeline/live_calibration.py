@@ -24,6 +24,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.few_frames import for_few_frames, frame_step, held_frames
 from vgps.smoothing.scene.other_calibration import seen_by, undistorted_again
 from vgps.smoothing.scene.scene import Scene, scene_of_map
+from vgps.smoothing.scene.stops import with_stops, without_stops
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.smoothing.stage_d.intrinsics import estimate_camera
@@ -76,10 +77,12 @@ class LiveCalibration:
         if self._job is not None and newest >= self._job.due_frame:
             self._take(self._job)
             self._job = None
-        enough = newest - local_map.first_posed >= window.length_frames
+        posed = local_map.moving[local_map.first_posed - local_map.first_frame :]
+        enough = np.count_nonzero(posed) >= window.length_frames
         if self._job is None and newest >= self._due_frame and enough:
             self._due_frame = round(_NEXT * newest)
-            scene, _, first = self._kept(local_map)
+            whole, _, first = self._kept(local_map)
+            scene, _ = without_stops(whole)
             prior = next(known for frame, known in reversed(self._known) if frame <= first)
             found = begin(self._found, scene, camera, prior, sensors)
             self._job = _Job(newest + window.every_frames, newest, prior, found)
@@ -95,7 +98,7 @@ class LiveCalibration:
 
     def _kept(self, local_map: LocalMap) -> tuple[Scene, IntArray, int]:
         """Return the frames whose observations are kept, the ids of their features, and the first frame."""
-        first = max(local_map.first_posed, local_map.next_frame - self._view_frames)
+        first = max(local_map.first_posed, local_map.last_moving(self._view_frames))
         return *scene_of_map(local_map, first, self._context.controls), first
 
     def _found(self, scene: Scene, camera: Camera, prior: CameraPrior, sensors: Sensors) -> RefinedCamera:
@@ -116,7 +119,8 @@ class LiveCalibration:
         Raises:
             GeometryError, RuntimeError, LinAlgError: The frames cannot be optimised with it.
         """
-        scene, ids, first = self._kept(local_map)
+        whole, ids, first = self._kept(local_map)
+        scene, rows = without_stops(whole)
         scene = seen_by(self.camera, before, scene)
         config = for_few_frames(self._context.config, 1, self._context.config.batch.iterations)
         result = self._solved(scene, self.camera, sensors, config)
@@ -124,7 +128,7 @@ class LiveCalibration:
         return MapUpdate(
             undistorted=undistorted_again(self.camera, before),
             first_frame=first,
-            poses=result.trajectory.world_T_camera,
+            poses=with_stops(whole, rows, result.trajectory.world_T_camera),
             positions=Positions(ids[reliable], result.points[reliable], result.sigma_px[reliable]),
         )
 

@@ -112,8 +112,7 @@ class MapBuilder:
 
         Under a retention policy a long stop gets a new view before the newest one is discarded.
         """
-        newest = int(self.local_map.view_frames[-1])
-        if retention is not None and frame.index - newest > retention.view_frames // 2:
+        if retention is not None and frame.t_s - self.view_s > 0.5 * retention.path_s:
             return False
         return self._moved_px(result) < config.static_px
 

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_bundle import ANTENNA
-from synthetic_map import away, context, map_of, scene
+from synthetic_map import away, context, map_of, moved, scene
 
 from vgps.config import Config, WindowConfig
 from vgps.geometry import rotation_vectors
-from vgps.mapping.map_update import MapUpdate, Similarity
+from vgps.mapping.map_update import MapUpdate, Positions, Similarity
 from vgps.smoothing.stage_c.window import contradicts, optimise_window
 
 CONFIG = Config(window=WindowConfig(length_frames=20))
@@ -62,6 +62,28 @@ def test_a_map_that_nothing_ties_to_the_world_keeps_its_scale(aligned, model):
     length = spans(made.poses)[-1]
     made.apply(optimise_window(made, fixes, ANTENNA, context(CONFIG.with_gps(model=model))).update)
     assert spans(made.poses)[-1] == pytest.approx(length, rel=0.005) and away(made.poses, true) > 3.0
+
+
+@pytest.mark.slow
+def test_a_map_has_its_scale_from_before_a_stop_however_long():
+    """The camera stood for two windows; all that it has seen since begins a tenth too large."""
+    problem, true, _, fixes = scene()
+    made = map_of(replace(problem, world_T_camera=true), 0, 59, 20, False, stop=(49, 40))
+    centre, end = true[49, :3, 3], made.points.shape[0]
+    points = centre + 1.1 * (made.points - centre)
+    moved(made, 90, lambda poses: enlarged(poses, centre))
+    made.apply(MapUpdate(positions=Positions(np.arange(end), points, np.full(end, 0.5))))
+    made.apply(optimise_window(made, fixes, ANTENNA, context(CONFIG), tolerance=20.0).update)
+    after = np.linalg.norm(made.poses[90:, :3, 3] - centre, axis=1)
+    np.testing.assert_allclose(after, np.linalg.norm(true[50:, :3, 3] - centre, axis=1), rtol=0.02)
+    np.testing.assert_allclose(made.poses[50:90], np.broadcast_to(made.poses[49], (40, 4, 4)), atol=1e-9)
+
+
+def enlarged(poses, centre):
+    """Poses (n, 4, 4) a tenth farther from a point."""
+    out = poses.copy()
+    out[:, :3, 3] = centre + 1.1 * (poses[:, :3, 3] - centre)
+    return out
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import build_problem, gps_and_motion, select_observations
 from vgps.smoothing.scene.motion_factors import motion_factors
 from vgps.smoothing.scene.scene import scene_of_map
+from vgps.smoothing.scene.stops import with_stops, without_stops
 from vgps.smoothing.stage_c.bending import bending_of
 from vgps.smoothing.stage_c.held_scale import held_distance
 from vgps.solution import Trajectory
@@ -42,7 +43,8 @@ def optimise_window(
     """Optimise the poses of the last frames and the features observed in them.
 
     Older frames that share features with the window are held as if they were exact; they alone carry earlier
-    information, mainly scale and position, into the window. This is faster than iSAM2
+    information, mainly scale and position, into the window. Frames of a stop do not count, or none of those
+    held would have moved after a long one, which leaves the scale open. This is faster than iSAM2
     (``scripts.benchmarks.stage_c``), but held frames may be wrong, for which :func:`contradicts` tests the
     fixes. A map that begins in the window is constrained by fixes or control points if it is aligned; without
     them its scale is held by how far its farthest frame is from the first, and as it may be bent, its windows
@@ -61,12 +63,13 @@ def optimise_window(
         RuntimeError: GTSAM cannot linearise a factor there.
     """
     config = context.config
-    since = max(local_map.first_posed, local_map.next_frame - config.window.length_frames)
-    history = local_map.views.shape[1]
-    first = max(local_map.first_posed, since - history)
-    scene, ids = scene_of_map(local_map, first, context.controls)
+    length, history = config.window.length_frames, local_map.views.shape[1]
+    since = max(local_map.first_posed, local_map.last_moving(length))
+    first = max(local_map.first_posed, local_map.last_moving(length + history))
+    whole, ids = scene_of_map(local_map, first, context.controls)
+    scene, rows = without_stops(whole)
     scene, sigma = select_observations(scene, context, tolerance)
-    fixed = np.arange(len(scene.t_s)) < since - first
+    fixed = rows < since - first
     if local_map.aligned:
         graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
     else:
@@ -87,8 +90,10 @@ def optimise_window(
     positions = Positions(ids[reliable], result.world_p_landmark[reliable], sigma[reliable])
     bending = None
     if not tied:  # else fixes straighten it
-        bending = bending_of(result)
-    update = MapUpdate(first_frame=first, poses=result.world_T_camera, bending=bending, positions=positions)
+        bending = np.full(len(whole.t_s), np.nan)
+        bending[rows] = bending_of(result)
+    poses = with_stops(whole, rows, result.world_T_camera)
+    update = MapUpdate(first_frame=first, poses=poses, bending=bending, positions=positions)
     return WindowResult(update, not solved.stuck)
 
 
@@ -109,7 +114,7 @@ def contradicts(
         fixes, camera_p_antenna, config: As in :func:`optimise_window`.
         whole: Whether to test the whole map instead of its last window.
     """
-    begin = 0 if whole else local_map.next_frame - config.window.length_frames
+    begin = 0 if whole else local_map.last_moving(config.window.length_frames)
     first = max(local_map.first_posed, begin) - local_map.first_frame
     path = Trajectory(local_map.t_s[first:], local_map.poses[first:])
     if config.gps.model == "none" or len(path) < 2:
