@@ -40,7 +40,7 @@ def clips(name: str, seconds: float, data: Path) -> Iterator[Drive]:
 def path_of_video(clip: Drive, config: vgps.Config) -> Trajectory:
     """Return the path that the video alone shows."""
     alone = run_front_end(clip.recording, config, NoProgress())
-    return levelled(video_alone(alone, merged_maps(alone, alone.context(config)), config))
+    return levelled(video_alone(alone, merged_maps(alone, alone.context(config)), config), config.start)
 
 
 def fixes_of(whole: Drive, file: Path, config: vgps.Config) -> Fixes:

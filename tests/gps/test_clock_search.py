@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic_fixes import fixes_at, trajectory
 
-from vgps.config import SensorsConfig
-from vgps.gps.clock_search import is_mirrored, levelled, search_time_offset, shows_no_time_offset
+from vgps.config import SensorsConfig, StartConfig
+from vgps.gps.clock_search import levelled, mirrored_share, search_time_offset, shows_no_time_offset
 from vgps.solution import Trajectory
 
 VIDEO_S = np.arange(0.0, 60.0, 0.1)
@@ -195,7 +195,7 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
     poses[:, :3, 3] = place
     turned = np.eye(4)
     turned[:3, :3] = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    flat = levelled(Trajectory(VIDEO_S, turned @ poses))
+    flat = levelled(Trajectory(VIDEO_S, turned @ poses), StartConfig())
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
     np.testing.assert_allclose(flat.world_T_camera[:, 2, :3], poses[:, 2, :3], atol=1e-6)  # not upside down
     # the street but for its heading, and clocks are found whatever that is
@@ -203,8 +203,15 @@ def test_a_path_in_any_frame_is_laid_flat(pitch_deg, seed):
     np.testing.assert_allclose(steps[1], steps[0] * (steps[1][0] / steps[0][0]), atol=1e-6)
 
 
+def test_a_camera_upside_down_has_its_feet_above_it():
+    poses = seen(street(VIDEO_S)).world_T_camera.copy()
+    poses[:, :3, :3] = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    flat = levelled(Trajectory(VIDEO_S, poses), StartConfig(roll_deg=180.0))
+    np.testing.assert_allclose(flat.world_T_camera[:, 2, :3], poses[:, 2, :3], atol=1e-6)
+
+
 def test_a_path_of_two_places_is_laid_flat():
-    flat = levelled(Trajectory(VIDEO_S[:2], seen(street(VIDEO_S)).world_T_camera[:2]))
+    flat = levelled(Trajectory(VIDEO_S[:2], seen(street(VIDEO_S)).world_T_camera[:2]), StartConfig())
     assert np.ptp(flat.world_T_camera[:, 2, 3]) < 1e-6
 
 
@@ -214,16 +221,16 @@ def test_a_mirrored_picture_turns_the_other_way_than_the_fixes():
     right, mirrored = (
         seen(street(VIDEO_S) * axes, scale=0.3, turned_deg=140.0) for axes in (np.ones(3), mirror)
     )
-    assert not is_mirrored(right, fixes, np.zeros(3), CONFIG)
-    assert is_mirrored(mirrored, fixes, np.zeros(3), CONFIG)
+    assert mirrored_share(right, fixes, np.zeros(3), CONFIG) is None
+    assert mirrored_share(mirrored, fixes, np.zeros(3), CONFIG) < 0.1
 
 
 @pytest.mark.parametrize("place_of", [straight, lambda t_s: 0 * street(t_s)])
 def test_a_straight_and_a_stand_look_alike_in_a_mirror(place_of):
     fixes = stamped(place_of, 0.0, noise_m=0.5)
-    assert not is_mirrored(seen(place_of(VIDEO_S)), fixes, np.zeros(3), CONFIG)
+    assert mirrored_share(seen(place_of(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None
 
 
 def test_fixes_that_neither_explains_show_no_mirror():
     fixes = stamped(lambda t_s: np.random.default_rng(3).normal(0.0, 9.0, (len(t_s), 3)), 0.0)
-    assert not is_mirrored(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG)
+    assert mirrored_share(seen(street(VIDEO_S)), fixes, np.zeros(3), CONFIG) is None

@@ -98,7 +98,7 @@ def test_where_the_torn_path_shows_nothing_one_without_fixes_does(data_dir, monk
 def test_an_offset_that_the_new_path_does_not_show_is_dropped(front_end, monkeypatch):
     shown, again = iter([4.0, None]), []
     monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: next(shown))
-    monkeypatch.setattr(gps_clock, "is_mirrored", lambda *_: True)
+    monkeypatch.setattr(gps_clock, "mirrored_share", lambda *_: 0.05)
     monkeypatch.setattr(gps_clock, "run_front_end", lambda *given: again.append(given) or front_end)
     found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
     ((_, settings, _),) = again
@@ -258,7 +258,7 @@ def test_a_guessed_lens_is_asked_of_the_video_before_a_clock_is_doubted(
     monkeypatch.setattr(
         camera_refinement, "with_seen_camera", lambda front_end, _: replace(front_end.recording, camera=seen)
     )
-    monkeypatch.setattr(gps_clock, "_unexplained", lambda one, _: left[one.recording.camera.fx])
+    monkeypatch.setattr(gps_clock, "unexplained", lambda one, _: left[one.recording.camera.fx])
     found = gps_clock._compared_by_the_right_camera(guessed, Config(), NoProgress())
     assert found.recording.camera.fx == kept
     assert ((300.0, "none") in runs) == first.torn

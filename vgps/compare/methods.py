@@ -16,6 +16,7 @@ from vgps.pipeline.airborne import with_airborne
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_right_clock
 from vgps.pipeline.offline import optimise_all
+from vgps.pipeline.turned_camera import with_right_roll
 from vgps.readers.calibration.rig_file import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import Progress
@@ -126,8 +127,8 @@ def front_ends(
 ) -> Iterable[tuple[FrontEnd, Method, Config]]:
     """Yield every method with its front end and its settings.
 
-    All share one run with the model of ``config``, and its GPS clock, except the method without GPS, whose
-    run gets no fix.
+    All share one run with the model of ``config``, its GPS clock and the camera's roll, except the method
+    without GPS, whose run gets no fix.
 
     Raises:
         VgpsError: The recording does not determine the answer.
@@ -141,6 +142,7 @@ def front_ends(
             continue
         if shared is None:
             shared, config = with_right_clock(run_front_end(recording, config, progress), config, progress)
+            shared, config = with_right_roll(shared, config, progress)
         yield shared, method, method.configured(config)
 
 

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from vgps.config.base import SettingsModel
 from vgps.config.quantities import Fraction, Share
+from vgps.model import FloatArray
 
 _ANY_PITCH_DEG = 60.0  # standard deviation of the pitch of a camera that looks ahead or straight down
 
@@ -101,6 +103,7 @@ class StartConfig(SettingsModel):
     basic: ClassVar[tuple[str, ...]] = (
         "scale_sigma",
         "heading_sigma_deg",
+        "roll_deg",
         "level_sigma_deg",
         "pitch_sigma_deg",
     )
@@ -123,8 +126,11 @@ class StartConfig(SettingsModel):
     """A map is placed in the world once its scale is known to this share, one standard deviation."""
     heading_sigma_deg: PositiveFloat = 5.0
     """A map is placed in the world once its heading is known to this, one standard deviation."""
+    roll_deg: float = 0.0
+    """How far the camera is turned clockwise, as it looks: 180 for one that hangs upside down. Half a turn
+    and quarter turns are found, too, where the path shows them."""
     level_sigma_deg: PositiveFloat = 5.0
-    """Standard deviation of the camera's mean roll about level, and of the tilt that a correction of drift
+    """Standard deviation of the camera's mean roll about that, and of the tilt that a correction of drift
     gives a path; decides where nothing else shows the roll."""
     crossfall_sigma_deg: PositiveFloat = 1.5
     """Standard deviation of the ground's slope to the side, which shows stage D the roll of a camera that
@@ -143,6 +149,13 @@ class StartConfig(SettingsModel):
     """Frames posed by control points must lie this far apart before they give the scale."""
     control_sigma_px: PositiveFloat = 1.0
     """Standard deviation of an observation of a control point."""
+
+    @property
+    def upright(self) -> FloatArray:
+        """(3, 3) columns right, down and forward of the camera if it were not turned, in its own axes."""
+        roll = np.radians(self.roll_deg)
+        c, s = np.cos(roll), np.sin(roll)
+        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     @property
     def tilt_sigmas_deg(self) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vgps.config import SensorsConfig
+from vgps.config import SensorsConfig, StartConfig
 from vgps.gps.clock_misfit import MIN_PAIRS, Misfit, Seen, misfit_at, seen_antenna
 from vgps.gps.fixes import Fixes
 from vgps.gps.time_offset import spaced, spacing_s
@@ -22,7 +22,7 @@ _REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
 _FINE_STEP_S = 0.02  # around the offset found: a run that begins nearer to the right one ends nearer to it
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
-_EXPLAINED_SHARE = 0.1  # of the motion that may be left of fixes which a path explains
+_FAR_LESS = 0.5  # times what a path leaves of the motion, by its mirror image
 
 
 class ClockCheck(NamedTuple):
@@ -33,12 +33,16 @@ class ClockCheck(NamedTuple):
         torn: Whether most fixes are outside their regions all the same: the path has been torn to them.
         other: The clock that displacements show if it has another rate; None if they show none.
         video: That path; None if there was none to compare.
+        turned_deg: By how much the camera is turned clockwise against what was assumed, by whole quarters.
+        mirrored: Whether the mirror image of that path explains the fixes, and the path does not.
     """
 
     shown_s: float | None
     torn: bool = False
     other: GpsClock | None = None
     video: Trajectory | None = None
+    turned_deg: float = 0.0
+    mirrored: bool = False
 
 
 def search_time_offset(
@@ -119,13 +123,16 @@ def shows_no_time_offset(
     return not any(held.clearly_less(other, config.significance_sigmas, tried) for other in others)
 
 
-def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig) -> bool:
-    """Return whether the mirror image of a path explains the fixes, and the path does not, beyond doubt.
+def mirrored_share(
+    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
+) -> float | None:
+    """Return the share of the fixes' motion that the mirror image of a path leaves, if it explains them far
+    better than the path itself, beyond doubt.
 
-    Turns to the left are turns to the right then, as in a mirrored picture or above a camera upside down.
+    Turns to the left are turns to the right then, as in a mirrored picture or of a camera upside down.
 
     Args:
-        path: Of the video alone, upright.
+        path: Of the video alone, level.
         fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
     """
     seen, chosen = seen_antenna(path, camera_p_antenna), _chosen(fixes)
@@ -136,8 +143,8 @@ def is_mirrored(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, co
         return min(found, key=lambda misfit: misfit.cost)
 
     right, mirrored = least(seen), least(seen._replace(antenna=seen.antenna.conj()))
-    explained = mirrored.share < _EXPLAINED_SHARE
-    return explained and mirrored.clearly_less(right, config.significance_sigmas, float(len(offsets_s)))
+    beyond_doubt = mirrored.clearly_less(right, config.significance_sigmas, float(len(offsets_s)))
+    return mirrored.share if beyond_doubt and mirrored.share < _FAR_LESS * right.share else None
 
 
 def _near(config: SensorsConfig) -> FloatArray:
@@ -146,15 +153,16 @@ def _near(config: SensorsConfig) -> FloatArray:
     return np.asarray(config.time_offset_s + np.arange(-reach_s, reach_s + _STEP_S / 2, _STEP_S))
 
 
-def levelled(path: Trajectory) -> Trajectory:
+def levelled(path: Trajectory, start: StartConfig) -> Trajectory:
     """Return a path in any frame, turned so that the plane of its motion is level.
 
-    A camera looks ahead or down, upright, which tells above from below.
+    A camera looks ahead or down, which tells above from below, as it is turned.
     """
     poses = path.world_T_camera
     centres = poses[:, :3, 3] - poses[:, :3, 3].mean(axis=0)
     up = np.linalg.eigh(centres.T @ centres)[1][:, 0]
-    up *= -np.sign(up @ (poses[:, :3, 1] + poses[:, :3, 2]).mean(axis=0)) or 1.0
+    down_and_forward = start.upright[:, 1] + start.upright[:, 2]
+    up *= -np.sign(up @ (poses[:, :3, :3] @ down_and_forward).mean(axis=0)) or 1.0
     level_T_world = np.eye(4)
     level_T_world[:3, :3] = Rotation.align_vectors([[0.0, 0.0, 1.0]], [up])[0].as_matrix()
     return Trajectory(path.t_s, level_T_world @ poses)

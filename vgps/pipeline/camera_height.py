@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vgps.config import CameraHeightConfig, Config
+from vgps.config import CameraHeightConfig, Config, StartConfig
 from vgps.pipeline.front_end import FrontEnd
 from vgps.pipeline.rough_solution import is_tied
 from vgps.smoothing.merging.merge_maps import SCALE_UNKNOWN, MergedMaps
@@ -29,7 +29,7 @@ def tie_to_ground(front_end: FrontEnd, merged: MergedMaps, config: Config) -> Me
     height_m = config.camera_height.m
     if not height_m:
         return merged
-    heights = measure_heights(merged.scene)
+    heights = measure_heights(_upright(merged.scene, config.start))
     if isinstance(heights, str):
         note = f"camera_height is left out: {heights}"
         return replace(merged, warnings=(*merged.warnings, note))
@@ -56,6 +56,13 @@ def with_camera_height(solution: Solution, merged: MergedMaps, batch: BatchResul
         f"the ground, not {given_m:.2f} m (sigma {sigma_m:.2f}); check both"
     )
     return replace(solution, warnings=(note, *solution.warnings))
+
+
+def _upright(scene: Scene, config: StartConfig) -> Scene:
+    """Return a scene whose camera is not turned about its axis of view."""
+    poses = scene.poses.copy()
+    poses[:, :3, :3] = poses[:, :3, :3] @ config.upright
+    return replace(scene, poses=poses)
 
 
 def _ties(scene: Scene, heights: CameraHeights, config: CameraHeightConfig) -> HeightTies:

@@ -7,11 +7,12 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
+from vgps.gps.camera_roll import camera_turned_deg
 from vgps.gps.clock_rate import ShownClock, parts_agree, search_clock_rate
 from vgps.gps.clock_search import (
     ClockCheck,
-    is_mirrored,
     levelled,
+    mirrored_share,
     search_time_offset,
     shows_no_time_offset,
     unexplained_share,
@@ -33,6 +34,7 @@ from vgps.smoothing.alignment.similarity import align
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import GpsClock, Trajectory
 
+_EXPLAINED_SHARE = 0.1  # of the motion that may be left of fixes which a path explains
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
 _FAR = (
     "the fixes have the shape of the path if they are {0:.1f} s older than their time stamps, more than was "
@@ -81,10 +83,12 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
     compared = _compared_by_the_right_camera(front_end, config, progress)
     clock, recording = compared.clock, compared.recording
     try:
-        if clock is not None and clock.torn:
+        if clock is not None and clock.torn and not clock.turned_deg:
             progress.stage("again without the fixes, which the path contradicts")
             alone = run_front_end(recording, config.with_gps("none"), progress)
             clock = clock_by_shape(alone, compared.fixes, config)
+            if clock.turned_deg:
+                return replace(compared, clock=clock), config
         if (other := _other(clock, config)) is None:
             return compared, config
         progress.stage("again with the GPS clock that the video shows")
@@ -114,10 +118,10 @@ def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress:
         again = with_gps_clock(run_front_end(seen, config, progress), config)
     except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
         return compared
-    return min(compared, again, key=lambda one: _unexplained(one, config))
+    return min(compared, again, key=lambda one: unexplained(one, config))
 
 
-def _unexplained(front_end: FrontEnd, config: Config) -> float:
+def unexplained(front_end: FrontEnd, config: Config) -> float:
     """Return the share of the fixes' motion that the video alone does not explain, whatever their clock."""
     clock, sensors = front_end.clock, front_end.sensors
     if clock is None or clock.video is None:
@@ -136,8 +140,12 @@ def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
     """
     # with other settings the fixes would bend the path where maps are merged
     context = alone.context(config.with_gps("none"))
-    path = levelled(merged_maps(alone, context).scene.trajectory)
-    return ClockCheck(search_time_offset(path, fixes, alone.sensors.camera_p_antenna, config.sensors))
+    path = levelled(merged_maps(alone, context).scene.trajectory, config.start)
+    antenna, settings = alone.sensors.camera_p_antenna, config.sensors
+    mirrored = mirrored_share(path, fixes, antenna, settings) is not None
+    turned_deg = camera_turned_deg(path, config.start, upside_down=mirrored)
+    shown_s = search_time_offset(path, fixes, antenna, settings)
+    return ClockCheck(shown_s, turned_deg=turned_deg, mirrored=mirrored)
 
 
 def _far(clock: ClockCheck | None, config: Config) -> float | None:
@@ -202,8 +210,11 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     front_end = replace(front_end, clock=ClockCheck(shown_s, torn, video=video))
     if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
-    if is_mirrored(video, steady, sensors.camera_p_antenna, settings):
-        front_end = replace(front_end, warnings=(_MIRRORED, *front_end.warnings))
+    mirrored = mirrored_share(video, steady, sensors.camera_p_antenna, settings)
+    if turned_deg := camera_turned_deg(video, config.start, upside_down=mirrored is not None):
+        told = (_MIRRORED,) if mirrored is not None and mirrored < _EXPLAINED_SHARE else ()
+        clock = ClockCheck(shown_s, torn, video=video, turned_deg=turned_deg, mirrored=mirrored is not None)
+        front_end = replace(front_end, clock=clock, warnings=(*told, *front_end.warnings))
     elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
         front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock, video=video))
         if settings.clock_rate or parts_agree(shown.clock.rate, shown.rate_sigma):

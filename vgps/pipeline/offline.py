@@ -26,6 +26,7 @@ from vgps.pipeline.rough_solution import is_tied
 from vgps.pipeline.run_result import solution_of
 from vgps.pipeline.sensor_notes import with_moving_note
 from vgps.pipeline.solved_maps import merged_maps
+from vgps.pipeline.turned_camera import with_right_roll
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer, sequential_seconds
@@ -114,6 +115,7 @@ def _smoothed(
     journal = None if checkpoint is None else checkpoint.journal
     front_end = with_inertial_start(replace(front_end, journal=journal), config, progress)
     front_end, config = with_right_clock(front_end, config, progress)
+    front_end, config = with_right_roll(front_end, config, progress)
     recording = front_end.recording
     if config is not run.config or recording.camera is not run.recording.camera:
         run = _Run(recording, config)

@@ -18,15 +18,16 @@ _LARGE_SHARE = 0.1  # of the picture; what covers less can hardly outvote the sc
 
 
 def upright_notes(world_T_camera: FloatArray, config: StartConfig) -> tuple[str, ...]:
-    """Return a warning if the camera hangs upside down, against what was assumed of its roll.
+    """Return a warning if the camera hangs upside down, though it was not turned by that.
 
     One that flies and looks straight up at the sky is an upside-down one that looks straight down.
 
     Args:
         world_T_camera: (F, 4, 4) poses, z up; a camera that looks straight down has a level head.
-        config: Standard deviation of the roll.
+        config: The roll, and its standard deviation.
     """
-    elevation = np.arcsin(np.clip(np.median(world_T_camera[:, 2, 1:3], axis=0), -1.0, 1.0))
+    down_and_forward = (world_T_camera[:, :3, :3] @ config.upright)[:, 2, 1:]
+    elevation = np.arcsin(np.clip(np.median(down_and_forward, axis=0), -1.0, 1.0))
     below_deg, view_deg = np.degrees(elevation).tolist()
     far_deg = _FAR_SIGMAS * config.tilt_sigmas_deg[0]
     if below_deg >= far_deg:

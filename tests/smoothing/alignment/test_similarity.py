@@ -258,3 +258,32 @@ def test_fixes_are_placed_between_frames_by_time():
     assert placement.inside.tolist() == [False, True, True, True, True, False]
     assert placement.frame[1:5].tolist() == [0, 1, 1, 1]
     np.testing.assert_allclose(placement.alpha[1:5], [0.0, 0.0, 0.75, 1.0])
+
+
+def rolled(world, roll_deg):
+    """The poses of a camera turned clockwise, as it looks."""
+    out = world.copy()
+    out[:, :3, :3] = world[:, :3, :3] @ Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
+    return out
+
+
+@pytest.mark.parametrize("roll_deg", [90.0, 180.0, 270.0, 40.0])
+def test_on_a_straight_a_camera_is_turned_as_it_is_stated(roll_deg):
+    world = rolled(drive(0.0), roll_deg)
+    start = StartConfig(roll_deg=roll_deg)
+    found = align(seen_by(in_map(world, 2.0, np.eye(3), np.zeros(3)), antennas(world), 0.07), start)
+    np.testing.assert_allclose(found.poses(in_map(world, 2.0, np.eye(3), np.zeros(3))), world, atol=1e-3)
+
+
+@pytest.mark.parametrize("roll_deg", [90.0, 180.0, 270.0])
+def test_in_a_turn_fixes_show_how_a_camera_is_turned(roll_deg):
+    world = rolled(drive(1.2), roll_deg)
+    found = align(seen_by(in_map(world, 2.0, np.eye(3), np.zeros(3)), antennas(world), 0.07), CONFIG)
+    np.testing.assert_allclose(found.poses(in_map(world, 2.0, np.eye(3), np.zeros(3))), world, atol=0.05)
+
+
+def test_on_a_straight_nothing_turns_an_upright_camera():
+    world, rng = drive(0.0), np.random.default_rng(0)
+    fixes = antennas(world) + rng.normal(0.0, [0.3, 0.3, 0.6], (len(world), 3))
+    found = align(seen_by(world, fixes, 0.07), CONFIG)
+    assert np.abs(found.poses(world)[:, 2, 0]).max() < 0.2 and (found.poses(world)[:, 2, 1] < -0.9).all()

@@ -38,3 +38,12 @@ def test_a_road_stands_in_for_the_roll_and_land_under_a_drone_for_the_pitch():
     road, drone = StartConfig(airborne="no"), StartConfig(airborne="yes")
     assert cost("z", road, seen(0)) == of_sigma(1.0) and cost("x", road, seen(0)) == of_sigma(30.0)
     assert cost("z", drone, seen(2)) == of_sigma(5.0) and cost("x", drone, seen(2)) == of_sigma(1.0)
+
+
+def test_a_camera_is_level_as_it_is_turned():
+    start = StartConfig(roll_deg=90.0)
+    assert cost("z", start, None) == pytest.approx(0.5 * (np.cos(np.radians(5.0)) / np.radians(5.0)) ** 2)
+    values = gtsam.Values()
+    turned = NORTH @ Rotation.from_euler("z", 95.0, degrees=True).as_matrix()
+    values.insert(X(0), gtsam.Pose3(gtsam.Rot3(turned), np.zeros(3)))
+    assert level_priors(np.array([0]), start).error(values) == of_sigma(5.0)

@@ -106,7 +106,7 @@ def _residuals(nodes: FusionNodes, state: FusionState) -> _Residuals:
     away = placed[:, :, 0]
     fix_axes = R[at] @ fixes.axes
     arm = (fix_axes @ x[at, ANTENNA, None])[:, :, 0]
-    axes = (R @ nodes.camera[:, :3, :3])[:, :, [0, 2]]
+    axes = R @ nodes.axes
     fix = x[at, POSITION] + away + arm + x[at, OFFSET] - fixes.world_p_fix
     return _Residuals(
         video_step,

@@ -96,10 +96,12 @@ class FusionNodes:
         walk_m: (N, 3) scale of the offset's step to each node; infinite where it starts anew.
         walk_tail: (N,) degrees of freedom of this step; infinite for a Gaussian.
         starts: (N,) whether a fix there starts a new offset.
-        elevation: (N, 2) sines of the elevation of the camera's x and z axes, but for a bias.
+        axes: (N, 3, 2) what points to the right and forward of the camera, were it not turned, in the map.
+        elevation: (N, 2) sines of the elevation of these axes, but for a bias.
         level: (N, 2) square roots of the information that they are right.
         time_offset: Narrow prior that holds the rest of the time offset.
-        mean_roll: Scale (Cauchy) of the bias of x, the camera's mean roll; infinite if nothing is known.
+        mean_roll: Scale (Cauchy) of the bias of the first, the camera's mean roll; infinite if nothing is
+            known.
     """
 
     t_s: FloatArray
@@ -113,6 +115,7 @@ class FusionNodes:
     walk_m: FloatArray
     walk_tail: FloatArray
     starts: BoolArray
+    axes: FloatArray
     elevation: FloatArray
     level: FloatArray
     time_offset: TimeOffset
@@ -143,6 +146,7 @@ class FusionNodes:
             walk_m=self.walk_m[rows],
             walk_tail=self.walk_tail[rows],
             starts=self.starts[rows],
+            axes=self.axes[rows],
             elevation=self.elevation[rows],
             level=np.where(last[:, None], 0.0, self.level[rows]),
             time_offset=TimeOffset(0.0, np.inf),
@@ -194,6 +198,7 @@ def fusion_nodes(
         walk_m=_with_rows(len(t_s), at, walk_m, _HELD_M),
         walk_tail=_with_rows(len(t_s), at, tail, np.inf),
         starts=np.isin(np.arange(len(t_s)), at[starts]),
+        axes=camera[:, :3, :3] @ config.start.upright[:, [0, 2]],
         elevation=elevation,
         level=np.sqrt(knots)[:, None] / level_rad,
         time_offset=TimeOffset(seen.rest_s, HELD_S),

@@ -83,7 +83,7 @@ class Gravity:
         level = np.sqrt(share) / up.sigma_rad
         return replace(
             nodes,
-            elevation=np.einsum("ni,nij->nj", up.direction, nodes.camera[:, :3, [0, 2]]),
+            elevation=np.einsum("ni,nij->nj", up.direction, nodes.axes),
             level=np.stack([level, level], axis=1),
             mean_roll=np.inf,
         )

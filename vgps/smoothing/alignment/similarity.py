@@ -16,6 +16,8 @@ _CONVERGED = 1e-9  # relative decrease of the cost
 _MAX_DAMPING = 1e8
 _NO_MOTION = 1e-9
 _LEAST_ACROSS = 0.3  # of a direction, for it to say what is up beside the path
+_CLEAR_GAIN = 3.0  # in the cost; regions are two to three sigmas, so nine or more in log-likelihood
+_CLEAR_SHARE = 0.25  # of the cost, where the video has drifted
 _RIDGE = 1e-12  # keeps the equations solvable where nothing determines an unknown
 
 
@@ -95,16 +97,33 @@ def align(seen: Correspondences, config: StartConfig) -> Similarity | None:
     Returns:
         The similarity, however uncertain; None if the camera was at one place at all fixes.
     """
-    starts = _level_starts(seen)
+    starts = _level_starts(seen, config)
     if not starts:
         return None
     start = min(starts, key=lambda start: linearise(seen, start, config).cost)
     if not np.ptp(seen.world_p_fix, axis=0).any():
         return start
     found = _refined(seen, start, config)
-    if config.flies and _upside_down(seen, found):
-        return _refined(seen, _turned_over(seen, found), config)
+    if not config.flies:
+        return _turned_as_seen(seen, found, config)
+    if _upside_down(seen, found, config):
+        return _refined(seen, _turned(seen, found, np.pi), config)
     return found
+
+
+def _turned_as_seen(seen: Correspondences, found: Similarity, config: StartConfig) -> Similarity:
+    """Return a similarity, or one of a turned camera if it explains the fixes far better."""
+    cost = linearise(seen, found, config).cost
+    if cost < _CLEAR_GAIN:
+        return found
+    turned = [_refined(seen, _turned(seen, found, 0.5 * np.pi * quarters), config) for quarters in (1, 2, 3)]
+    least = min(turned, key=lambda one: linearise(seen, one, config).cost)
+    return least if is_far_less(linearise(seen, least, config).cost, cost) else found
+
+
+def is_far_less(cost: float, other: float) -> bool:
+    """Return whether an alignment explains the fixes far better than another, by their costs."""
+    return other - cost > max(_CLEAR_GAIN, _CLEAR_SHARE * other)
 
 
 def _refined(seen: Correspondences, found: Similarity, config: StartConfig) -> Similarity:
@@ -128,17 +147,17 @@ def _refined(seen: Correspondences, found: Similarity, config: StartConfig) -> S
     return found
 
 
-def _upside_down(seen: Correspondences, at: Similarity) -> bool:
+def _upside_down(seen: Correspondences, at: Similarity, config: StartConfig) -> bool:
     """Return whether the land hangs above the camera, or without land a camera that looks ahead or down."""
-    up = -seen.map_T_camera[:, :3, 1:3].sum(axis=2).mean(axis=0) if seen.map_up is None else seen.map_up
+    up = -_upright_axes(seen, config)[:, 1:].sum(axis=1) if seen.map_up is None else seen.map_up
     return bool(at.world_R_map[2] @ up < 0.0)
 
 
-def _turned_over(seen: Correspondences, at: Similarity) -> Similarity:
-    """Return a similarity after half a turn about the path: a line's fixes and the prior see no change."""
+def _turned(seen: Correspondences, at: Similarity, angle_rad: float) -> Similarity:
+    """Return a similarity turned about the path: fixes on a line do not see it, nor half a turn the prior."""
     path = (seen.map_T_camera[:, :3, 3] - seen.map_T_camera[:, :3, 3].mean(axis=0)) @ at.world_R_map.T
     main = np.linalg.svd(path, full_matrices=False)[2][0]
-    return _moved(seen, at, np.concatenate([[0.0], np.pi * main, np.zeros(3)]))
+    return _moved(seen, at, np.concatenate([[0.0], angle_rad * main, np.zeros(3)]))
 
 
 def linearise(seen: Correspondences, at: Similarity, config: StartConfig) -> NormalEquations:
@@ -202,14 +221,19 @@ def _level_axes(seen: Correspondences, config: StartConfig) -> tuple[FloatArray,
 
     They point to the camera's right and forward: as it looks, or along the land that it sees.
     """
-    axes, sigmas_deg = seen.map_T_camera[:, :3, [0, 2]].mean(axis=0), config.tilt_sigmas_deg
+    axes, sigmas_deg = _upright_axes(seen, config)[:, [0, 2]], config.tilt_sigmas_deg
     if seen.map_up is None:
         return axes, sigmas_deg
     forward = np.cross(seen.map_up, axes[:, 0])
     return np.stack([axes[:, 0], forward], axis=1), (sigmas_deg[0], config.land_sigma_deg)
 
 
-def _level_starts(seen: Correspondences) -> list[Similarity]:
+def _upright_axes(seen: Correspondences, config: StartConfig) -> FloatArray:
+    """Return the mean axes (3, 3) right, down and forward in the map of the camera, were it not turned."""
+    return np.asarray(seen.map_T_camera[:, :3, :3].mean(axis=0) @ config.upright)
+
+
+def _level_starts(seen: Correspondences, config: StartConfig) -> list[Similarity]:
     """Return initial similarities: main directions of the paths aligned, the camera level or looking down."""
     centres, fixes = seen.map_T_camera[:, :3, 3], seen.world_p_fix
     third = max(1, len(centres) // 3)
@@ -226,9 +250,9 @@ def _level_starts(seen: Correspondences) -> list[Similarity]:
     if np.linalg.norm(world_up) < _LEAST_ACROSS:  # straight up or down
         world_up = _across(np.array([0.0, 1.0, 0.0]), world_forward)
     # the camera's own up, its back, and up from the land
-    mean = seen.map_T_camera[:, :3, :3].mean(axis=0)
+    axes = _upright_axes(seen, config)
     known = [] if seen.map_up is None else [seen.map_up]
-    ups = [_across(up, forward) for up in (*known, -mean[:, 1], -mean[:, 2])]
+    ups = [_across(up, forward) for up in (*known, -axes[:, 1], -axes[:, 2])]
     least = min(_LEAST_ACROSS, max(float(np.linalg.norm(up)) for up in ups))
     rotations = [
         _axes(world_forward, world_up) @ _axes(forward, up).T for up in ups if np.linalg.norm(up) >= least

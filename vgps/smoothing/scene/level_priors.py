@@ -4,7 +4,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
-from factors import CAMERA_RIGHT_AND_FORWARD, level_factor
+from factors import level_factor
 from vgps.config import StartConfig
 from vgps.model import IntArray
 from vgps.smoothing.scene.ground import Ground
@@ -25,7 +25,7 @@ def level_priors(
         ground: The ground under the path.
     """
     graph = gtsam.NonlinearFactorGraph()
-    axes, sigmas = CAMERA_RIGHT_AND_FORWARD, np.radians(config.tilt_sigmas_deg)
+    axes, sigmas = config.upright.T[[0, 2]], np.radians(config.tilt_sigmas_deg)
     if ground is not None:
         # roads show the roll of what travels on them; a drone's camera keeps its roll, but not its pitch
         kept = slice(0, 1) if config.flies else slice(1, 2)
