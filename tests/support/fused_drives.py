@@ -20,11 +20,14 @@ INTERVAL_S, SPEED_M_S = 0.1, 8.0
 
 
 class DrivingCamera:
-    """A camera on a winding road at 8 m/s, which may vary, level, without drift: ``true`` (n, 4, 4)."""
+    """A camera on a winding road at 8 m/s, which may vary, level, without drift: ``true`` (n, 4, 4).
 
-    def __init__(self, frames, varying=0.0):
+    The road may begin straight.
+    """
+
+    def __init__(self, frames, varying=0.0, straight_s=0.0):
         self.t_s = INTERVAL_S * np.arange(frames)
-        heading = 0.8 * np.sin(self.t_s / 6.0)
+        heading = 0.8 * np.sin(np.maximum(self.t_s - straight_s, 0.0) / 6.0)
         ahead = np.stack([np.sin(heading), np.cos(heading), np.zeros(frames)], axis=1)
         right = np.stack([np.cos(heading), -np.sin(heading), np.zeros(frames)], axis=1)
         self.true = np.tile(np.eye(4), (frames, 1, 1))

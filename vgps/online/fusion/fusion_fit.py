@@ -25,6 +25,7 @@ from vgps.online.fusion.live_errors import errors_in_fit, sizes_in_fit
 from vgps.online.fusion.live_time_offset import with_time_offset_sigma
 from vgps.online.fusion.node_fixes import SAME_TIME_S
 from vgps.online.fusion.path_fusion import FusedPath, fuse
+from vgps.online.fusion.turned_camera import TurnedPath, hides_a_turn, turned_path
 from vgps.online.fusion.video_path import VideoPath
 from vgps.solution import Trajectory
 
@@ -39,7 +40,7 @@ class FitResult:
 
     ``surprising``: whether its newest fixes call for verdicts. ``clock``: where displacements
     or fits with another time offset contradict this fit, if it was looked for. ``doubt``: about new
-    fixes that the last fit contradicts.
+    fixes that the last fit contradicts. ``turned``: how the camera is, if the last fit had it otherwise.
     """
 
     fused: FusedPath
@@ -48,6 +49,7 @@ class FitResult:
     surprising: bool = False
     clock: ProfiledClock = NOTHING_SHOWN
     doubt: Doubt | None = None
+    turned: TurnedPath | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +57,8 @@ class FitInput:
     """What a fit starts from: the map's path, the fixes, verdicts on earlier ones, and an IMU's vertical.
 
     ``is_new``: (M,) which fixes the last fit did not know; they come after it, but may be of a time before
-    its end. ``watches_clock``: whether to look for another time offset once the fit is found. ``lever_arm``:
+    its end. ``watches_clock``: whether to look for another time offset, or a turned camera, once the fit is
+    found; ``turned``: the latter. ``lever_arm``:
     as known so far; ``unsure_of_antenna``: whether the antenna may be farther off than a camera's own one;
     ``clock_away_s``: how far from what is believed the best of fits at other time offsets was.
     """
@@ -71,6 +74,7 @@ class FitInput:
     watches_clock: bool = False
     unsure_of_antenna: bool = False
     clock_away_s: float = 0.0
+    turned: TurnedPath | None = None
 
 
 def fit(given: FitInput, config: Config) -> FitResult:
@@ -79,6 +83,8 @@ def fit(given: FitInput, config: Config) -> FitResult:
     fused = _learning_fit(given, fixes, config)
     if _surprises(fused, given, given.path, config):
         return FitResult(fused, given.number, given.assessment, surprising=True)
+    if given.watches_clock and (turned := _turned_path(given, fused, config)) is not None:
+        return fit_with_verdicts(replace(given, turned=turned), config)
     return _result(given, given.assessment, fused, config)
 
 
@@ -104,7 +110,13 @@ def newest_fit(given: FitInput, config: Config) -> FusedPath | None:
 
 
 def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
-    """Return verdicts on the fixes along the last fit, and the fit to those that take part."""
+    """Return verdicts on the fixes along the last fit, and the fit to those that take part.
+
+    If all of them show that the camera is turned, along one with that.
+    """
+    if turned := given.turned or _turned_path(given, given.last, config):
+        unassessed = FixAssessment.unassessed(len(given.fixes))
+        given = replace(given, last=turned.fused, assessment=unassessed, turned=turned)
     path, last = given.path, given.last
     poses = path.poses if last is None else last.world_T_camera(path)
     judged = _judged(len(given.fixes))
@@ -120,6 +132,15 @@ def fit_with_verdicts(given: FitInput, config: Config) -> FitResult:
     return _result(given, assessment, fused, config)
 
 
+def _turned_path(given: FitInput, last: FusedPath | None, config: Config) -> TurnedPath | None:
+    """Return how all fixes show the camera turned; None if they do not, or an IMU shows the vertical."""
+    if last is None or given.gravity is not None:
+        return None
+    if not hides_a_turn(last, given.path, given.fixes, config):
+        return None
+    return turned_path(given.path, given.fixes, given.lever_arm, _doubting(config, given), last)
+
+
 def _surprises(fused: FusedPath, given: FitInput, path: VideoPath, config: Config) -> bool:
     """Return whether what is new in a fit of a path, or of its end, calls for verdicts."""
     if not detects_outliers(config):
@@ -133,7 +154,7 @@ def _surprises(fused: FusedPath, given: FitInput, path: VideoPath, config: Confi
 
 def _result(given: FitInput, assessment: FixAssessment, fused: FusedPath, config: Config) -> FitResult:
     path, fixes, last = given.path, assessment.applied(given.fixes), given.last
-    result = FitResult(fused, given.number, assessment)
+    result = FitResult(fused, given.number, assessment, turned=given.turned)
     if last is not None and detects_outliers(config):
         doubt = doubt_about(fixes.where(given.is_new), last, fused, path, config)
         result = replace(result, doubt=doubt)

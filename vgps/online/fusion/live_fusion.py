@@ -137,6 +137,8 @@ class LiveFusion:
         self._latest, self._newest, self._newest_fixes = result, result.fused, 0
         self._update_fixes(result)
         self._heed(result.doubt)
+        if result.turned is not None:
+            self._frame_pipeline.warnings.append(result.turned.note)
         if given.watches_clock and self.sensors.finds_another_clock(result.clock):
             self._begin_anew()
 
