@@ -77,16 +77,16 @@ def test_a_turn_counts_if_the_run_that_begins_with_it_explains_the_fixes(
     assert len(told) == (kept_deg != assumed_deg)
 
 
-def test_a_path_that_has_turned_over_by_itself_is_not_built_again(monkeypatch, front_end):
-    monkeypatch.delattr(turned_camera, "run_front_end")
+def test_a_path_that_has_turned_over_by_itself_begins_again_without_more_evidence(monkeypatch, front_end):
     path = map_trajectory(front_end.maps[0])
     poses = path.world_T_camera.copy()
     poses[:, :3, :3] = poses[:, :3, :3] @ OVER
     clock = ClockCheck(None, video=Trajectory(path.t_s, poses), turned_deg=180.0)
-    first = replace(front_end, clock=clock)
-    found, settings = turned_camera.with_right_roll(first, Config(), NoProgress())
-    assert settings.start.roll_deg == 180.0 and found.maps is first.maps
-    assert "turned by 180 degrees" in found.warnings[-1] and "began again" not in found.warnings[-1]
+    monkeypatch.delattr(turned_camera, "misaligned")
+    monkeypatch.setattr(turned_camera, "run_front_end", lambda *_: front_end)
+    monkeypatch.setattr(turned_camera, "with_gps_clock", lambda one, _: replace(one, clock=ClockCheck(None)))
+    found, settings = turned_camera.with_right_roll(replace(front_end, clock=clock), Config(), NoProgress())
+    assert settings.start.roll_deg == 180.0 and found.clock == ClockCheck(None)
 
 
 def test_a_path_that_is_bent_lies_badly_along_the_fixes(front_end):

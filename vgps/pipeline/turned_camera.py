@@ -19,18 +19,15 @@ from vgps.smoothing.alignment.similarity import align, is_far_less, linearise
 from vgps.solution import Trajectory
 
 _TURNED = (
-    "the camera is turned by {0:g} degrees about its axis of view, as the shape of the path shows{1}: state "
-    "that with start: {{roll_deg: {0:g}}}{2}"
+    "the camera is turned by {0:g} degrees about its axis of view, as the shape of the path shows; the run "
+    "began again with that: state it with start: {{roll_deg: {0:g}}}{1}"
 )
-_AGAIN = "; the run began again with that"
 _OR_MIRRORED = ". A mirrored picture would look the same, and be posed wrongly"
-_TURNED_OVER_DEG = 20.0  # off the roll by which a path has turned over for good
+_TURNED_OVER_DEG = 20.0  # off the roll by which a path has turned over, against the assumption
 
 
 def with_right_roll(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
-    """Return the front end, and settings with the camera turned as the path shows it.
-
-    Unless the path lies so already, stages A to C run again, and count if that explains the fixes.
+    """Return the front end and settings of stages A to C with the camera turned as the path shows it.
 
     Args:
         front_end: With the GPS clock compared.
@@ -40,15 +37,11 @@ def with_right_roll(front_end: FrontEnd, config: Config, progress: Progress) -> 
     clock = front_end.clock
     if clock is None or not clock.turned_deg:
         return front_end, config
-    start = config.start.model_copy(
-        update={"roll_deg": (config.start.roll_deg + clock.turned_deg) % 360.0},
-    )
-    turned = config.model_copy(update={"start": start})
-    if not clock.mirrored and _lies_as_assumed(clock.video, start):
-        note = _TURNED.format(start.roll_deg, "", "")
-        return replace(front_end, warnings=(*front_end.warnings, note)), turned
     progress.stage("again with the camera turned as the path shows it")
-    note = _TURNED.format(start.roll_deg, _AGAIN, _OR_MIRRORED if clock.mirrored else "")
+    roll_deg = (config.start.roll_deg + clock.turned_deg) % 360.0
+    start = config.start.model_copy(update={"roll_deg": roll_deg})
+    turned = config.model_copy(update={"start": start})
+    note = _TURNED.format(roll_deg, _OR_MIRRORED if clock.mirrored else "")
     recording = replace(front_end.recording, notes=(*front_end.recording.notes, note))
     try:
         again = with_gps_clock(run_front_end(recording, turned, progress), turned)
@@ -59,11 +52,13 @@ def with_right_roll(front_end: FrontEnd, config: Config, progress: Progress) -> 
     if clock.mirrored:
         better = unexplained(again, turned) < unexplained(front_end, config)
     else:  # in the plane a path that begins to turn over explains as much as one that has
-        better = is_far_less(misaligned(again, turned), misaligned(front_end, config))
+        better = _lies_as_assumed(clock.video, start)
+        better = better or is_far_less(misaligned(again, turned), misaligned(front_end, config))
     return (again, turned) if better else (front_end, config)
 
 
 def _lies_as_assumed(path: Trajectory | None, start: StartConfig) -> bool:
+    """Return whether a path has turned over to a roll by itself, against what was assumed of it before."""
     roll_deg = None if path is None else camera_roll_deg(path, start)
     return roll_deg is not None and abs(roll_deg) < _TURNED_OVER_DEG
 
