@@ -108,7 +108,10 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(front_end, monkeyp
     assert any("4.0 s older" in warning for warning in found.warnings)  # the user may try it
     assert not any("mirrored" in warning for warning in found.warnings)  # with a clock that is far off
     monkeypatch.setattr(gps_clock, "search_time_offset", lambda *_: None)
-    assert "its picture is mirrored" in gps_clock.with_gps_clock(front_end, Config()).warnings[0]
+    for airborne in ("no", "yes"):  # one that flies may be turned anyhow, and is told all the same
+        again = gps_clock.with_gps_clock(front_end, Config(start={"airborne": airborne}))
+        assert "its picture is mirrored" in again.warnings[0]
+        assert again.clock.turned_deg == (180.0 if airborne == "no" else 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -57,7 +57,7 @@ def hides_a_turn(last: FusedPath, path: VideoPath, fixes: Fixes, config: Config)
 
     What a fit has forgotten cannot be turned.
     """
-    known, used = int(np.sum(fixes.t_s <= last.newest_s)), len(last.nodes.fixes.node)
+    known, used = int(np.sum(fixes.used & (fixes.t_s <= last.newest_s))), len(last.nodes.fixes.node)
     roll_deg = np.degrees(np.sqrt(last.covariance[MEAN_ROLL, MEAN_ROLL]))
     return bool(
         not config.start.flies
