@@ -33,6 +33,9 @@ _USUAL_COST, _USUALLY_USED = 1.5, 0.75  # of a fix: half the squares of three re
 # but not against two, which leave the camera level: one camera in a thousand hangs.
 _LEAST_GAIN = np.inf, 8.0, 15.0, 8.0
 _HALF = 2  # quarters
+_QUARTER_COST = 7.3  # in log-likelihood, of a quarter turn by the prior of the mean roll
+# A few fixes whose clock is off, or of which one is wrong, fit a turned camera less badly by chance.
+_LEAST_FIXES, _OUTLIER_COST = 6, 5.0  # the latter in log-likelihood, of one in 150
 
 
 class TurnedPath(NamedTuple):
@@ -57,10 +60,12 @@ def hides_a_turn(last: FusedPath, path: VideoPath, fixes: Fixes, config: Config)
 
     What a fit has forgotten cannot be turned.
     """
-    known, used = int(np.sum(fixes.used & (fixes.t_s <= last.newest_s))), len(last.nodes.fixes.node)
+    used = len(last.nodes.fixes.node)
+    known = used + _left_out(last, fixes)
     roll_deg = np.degrees(np.sqrt(last.covariance[MEAN_ROLL, MEAN_ROLL]))
     return bool(
-        not config.start.flies
+        known >= _LEAST_FIXES
+        and not config.start.flies
         and roll_deg > _UNKNOWN_SHARE * config.start.level_sigma_deg
         and path.t_s[0] <= last.nodes.t_s[0] + SAME_TIME_S
         and (_cost(last) > _USUAL_COST * used or used < _USUALLY_USED * known)
@@ -70,7 +75,8 @@ def hides_a_turn(last: FusedPath, path: VideoPath, fixes: Fixes, config: Config)
 def turned_path(
     path: VideoPath, fixes: Fixes, lever_arm: LeverArm, config: Config, last: FusedPath
 ) -> TurnedPath | None:
-    """Return a fit with the camera turned against the last one; None if that explains the fixes as well.
+    """Return a fit with the camera turned against the last one, if that explains the fixes well and the last
+    one does not.
 
     Args:
         path, fixes, lever_arm, config: As for :func:`vgps.online.fusion.path_fusion.fuse`.
@@ -79,7 +85,14 @@ def turned_path(
     upright, *others = (fuse(path, fixes, lever_arm, config, _turned(last, turn)) for turn in range(4))
     best = min(others, key=_cost)
     found = TurnedPath(best, _quarters(upright, best))
-    return found if _cost(upright) - _cost(best) > _LEAST_GAIN[found.quarters] else None
+    as_before = min(_cost(upright), _cost(last) + _OUTLIER_COST * _left_out(last, fixes))
+    fits = _cost(best) < _USUAL_COST * len(best.nodes.fixes.node) + _QUARTER_COST
+    return found if fits and as_before - _cost(best) > _LEAST_GAIN[found.quarters] else None
+
+
+def _left_out(last: FusedPath, fixes: Fixes) -> int:
+    """Return how many fixes a fit leaves out as outliers."""
+    return int(np.sum(fixes.used & (fixes.t_s <= last.newest_s))) - len(last.nodes.fixes.node)
 
 
 def _cost(fused: FusedPath) -> float:
