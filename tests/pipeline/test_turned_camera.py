@@ -75,6 +75,7 @@ def test_a_turn_counts_if_the_run_that_begins_with_it_explains_the_fixes(
     assert len(runs) == (turned_deg != 0.0)
     told = [note for note in found.recording.notes if f"turned by {kept_deg:g} degrees" in note]
     assert len(told) == (kept_deg != assumed_deg)
+    assert all(("mirrored picture" in note) == (turned_deg == 180.0) for note in told)
 
 
 def test_a_path_that_has_turned_over_by_itself_begins_again_without_more_evidence(monkeypatch, front_end):

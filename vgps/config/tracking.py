@@ -130,8 +130,8 @@ class StartConfig(SettingsModel):
     """How far the camera is turned clockwise, as it looks: 180 for one that hangs upside down. Half a turn
     and quarter turns are found, too, where the path shows them."""
     level_sigma_deg: PositiveFloat = 5.0
-    """Standard deviation of the camera's mean roll about that, and of the tilt that a correction of drift
-    gives a path; decides where nothing else shows the roll."""
+    """Standard deviation of the camera's mean roll about ``roll_deg``, and of the tilt that a correction of
+    drift gives a path; decides where nothing else shows the roll."""
     crossfall_sigma_deg: PositiveFloat = 1.5
     """Standard deviation of the ground's slope to the side, which shows stage D the roll of a camera that
     travels over a plane."""

@@ -5,6 +5,7 @@ import numpy as np
 from vgps.config import StartConfig
 from vgps.solution import Trajectory
 
+OR_MIRRORED = ". A mirrored picture would look the same, and get wrong rotations and heights"
 _LEVEL_VIEW = 0.5  # sine of the angle to the vertical of a camera that looks ahead or aside
 
 

@@ -156,7 +156,7 @@ def _near(config: SensorsConfig) -> FloatArray:
 def levelled(path: Trajectory, start: StartConfig) -> Trajectory:
     """Return a path in any frame, turned so that the plane of its motion is level.
 
-    A camera looks ahead or down, which tells above from below, as it is turned.
+    A camera looks ahead or down, and is turned as the settings say, which tells above from below.
     """
     poses = path.world_T_camera
     centres = poses[:, :3, 3] - poses[:, :3, 3].mean(axis=0)

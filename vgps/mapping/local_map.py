@@ -78,7 +78,7 @@ class LocalMap:
         return ~np.isin(self.first_frame + np.arange(len(self._path)), standing)
 
     def last_moving(self, count: int) -> int:
-        """Return the first of the last ``count`` frames in which the camera moved, of fewer if there are."""
+        """Return the first of the last ``count`` frames in which the camera moved; of all if fewer did."""
         rows = np.flatnonzero(self.moving)[-count:]
         return self.first_frame + (int(rows[0]) if len(rows) else 0)
 

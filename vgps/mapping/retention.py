@@ -54,7 +54,7 @@ def retire_before(local_map: LocalMap, horizon_s: float, policy: RetentionPolicy
     """
     first, bridged = local_map.first_frame, local_map.bridged
     oldest = first + int(np.searchsorted(local_map.t_s, horizon_s))
-    latest = local_map.next_frame - policy.view_frames  # unless the camera stood
+    latest = local_map.next_frame - policy.view_frames  # of frames that all move
     views = max(local_map.last_moving(policy.view_frames), min(oldest, latest))
     poses = local_map.discard_before(oldest, views)
     return RetiredPoses(first, poses, local_map.aligned, bridged)

@@ -210,11 +210,12 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     front_end = replace(front_end, clock=ClockCheck(shown_s, torn, video=video))
     if (far_s := _far(front_end.clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
-    mirrored = mirrored_share(video, steady, sensors.camera_p_antenna, settings)
-    turned_deg = camera_turned_deg(video, config.start, upside_down=mirrored is not None)
-    if turned_deg or mirrored is not None:
-        told = (_MIRRORED,) if mirrored is not None and mirrored < _EXPLAINED_SHARE else ()
-        clock = ClockCheck(shown_s, torn, video=video, turned_deg=turned_deg, mirrored=mirrored is not None)
+    share = mirrored_share(video, steady, sensors.camera_p_antenna, settings)
+    mirrored = share is not None
+    turned_deg = camera_turned_deg(video, config.start, upside_down=mirrored)
+    if turned_deg or mirrored:
+        told = (_MIRRORED,) if share is not None and share < _EXPLAINED_SHARE else ()
+        clock = ClockCheck(shown_s, torn, video=video, turned_deg=turned_deg, mirrored=mirrored)
         front_end = replace(front_end, clock=clock, warnings=(*told, *front_end.warnings))
     elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
         front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock, video=video))

@@ -18,7 +18,7 @@ _LARGE_SHARE = 0.1  # of the picture; what covers less can hardly outvote the sc
 
 
 def upright_notes(world_T_camera: FloatArray, config: StartConfig) -> tuple[str, ...]:
-    """Return a warning if the camera hangs upside down, though it was not turned by that.
+    """Return a warning if the camera hangs upside down, against the roll that was assumed.
 
     One that flies and looks straight up at the sky is an upside-down one that looks straight down.
 

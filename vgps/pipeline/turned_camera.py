@@ -10,7 +10,7 @@ import numpy as np
 
 from vgps.config import Config, StartConfig
 from vgps.errors import GeometryError, GpsLogError
-from vgps.gps.camera_roll import camera_roll_deg
+from vgps.gps.camera_roll import OR_MIRRORED, camera_roll_deg
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import unexplained, with_gps_clock
 from vgps.runtime.progress import Progress
@@ -22,7 +22,6 @@ _TURNED = (
     "the camera is turned by {0:g} degrees about its axis of view, as the shape of the path shows; the run "
     "began again with that: state it with start: {{roll_deg: {0:g}}}{1}"
 )
-_OR_MIRRORED = ". A mirrored picture would look the same, and be posed wrongly"
 _TURNED_OVER_DEG = 20.0  # off the roll by which a path has turned over, against the assumption
 
 
@@ -41,7 +40,7 @@ def with_right_roll(front_end: FrontEnd, config: Config, progress: Progress) -> 
     roll_deg = (config.start.roll_deg + clock.turned_deg) % 360.0
     start = config.start.model_copy(update={"roll_deg": roll_deg})
     turned = config.model_copy(update={"start": start})
-    note = _TURNED.format(roll_deg, _OR_MIRRORED if clock.mirrored else "")
+    note = _TURNED.format(roll_deg, OR_MIRRORED if clock.turned_deg == 180.0 else "")
     recording = replace(front_end.recording, notes=(*front_end.recording.notes, note))
     try:
         again = with_gps_clock(run_front_end(recording, turned, progress), turned)

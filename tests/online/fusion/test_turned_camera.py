@@ -59,6 +59,7 @@ def test_fixes_of_a_turn_show_how_the_camera_is_turned(turned_deg, told):
     results, error_deg = driven(turned_deg)
     (turned,) = (one.turned for one in results if one.turned is not None)
     assert f"by {told} turn" in turned.note and error_deg < 3.0
+    assert ("mirrored picture" in turned.note) == (turned_deg == 180.0)
 
 
 def test_an_upright_camera_stays_upright():

@@ -68,7 +68,8 @@ def test_a_map_that_nothing_ties_to_the_world_keeps_its_scale(aligned, model):
 def test_a_map_has_its_scale_from_before_a_stop_however_long():
     """The camera stood for two windows; all that it has seen since begins a tenth too large."""
     problem, true, _, fixes = scene()
-    made = map_of(replace(problem, world_T_camera=true), 0, 59, 20, False, stop=(49, 40))
+    moved_truly = replace(problem, world_T_camera=true)
+    made = map_of(moved_truly, 0, 59, history=20, aligned=False, stop=(49, 40))
     centre, end = true[49, :3, 3], made.points.shape[0]
     points = centre + 1.1 * (made.points - centre)
     moved(made, 90, lambda poses: enlarged(poses, centre))

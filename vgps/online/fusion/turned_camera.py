@@ -12,16 +12,10 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.geometry import rotation_matrices, rotation_vectors
+from vgps.gps.camera_roll import OR_MIRRORED
 from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray
-from vgps.online.fusion.fusion_equations import (
-    BIAS,
-    MEAN_ROLL,
-    OFFSET,
-    POSITION,
-    FusionState,
-    cost,
-)
+from vgps.online.fusion.fusion_equations import BIAS, MEAN_ROLL, OFFSET, POSITION, FusionState, cost
 from vgps.online.fusion.lever_arm import LeverArm
 from vgps.online.fusion.node_fixes import SAME_TIME_S
 from vgps.online.fusion.path_fusion import FusedPath, fuse
@@ -33,7 +27,6 @@ _USUAL_COST, _USUALLY_USED = 1.5, 0.75  # of a fix: half the squares of three re
 # but not against two, which leave the camera level: one camera in a thousand hangs.
 _LEAST_GAIN = np.inf, 8.0, 15.0, 8.0
 _HALF = 2  # quarters
-_QUARTER_COST = 7.3  # in log-likelihood, of a quarter turn by the prior of the mean roll
 # A few fixes whose clock is off, or of which one is wrong, fit a turned camera less badly by chance.
 _LEAST_FIXES, _OUTLIER_COST = 6, 5.0  # the latter in log-likelihood, of one in 150
 
@@ -47,10 +40,10 @@ class TurnedPath(NamedTuple):
     @property
     def note(self) -> str:
         """What the user should know of it."""
-        turned = "half a turn" if self.quarters == _HALF else "a quarter turn"
+        turned, doubt = ("half a turn", OR_MIRRORED) if self.quarters == _HALF else ("a quarter turn", "")
         return (
             f"the fixes show that the camera is turned about its axis of view by {turned} against what was "
-            "assumed, which earlier poses lack: state it with start: {roll_deg}"
+            f"assumed, which earlier poses lack: state it with start: {{roll_deg}}{doubt}"
         )
 
 
@@ -86,7 +79,8 @@ def turned_path(
     best = min(others, key=_cost)
     found = TurnedPath(best, _quarters(upright, best))
     as_before = min(_cost(upright), _cost(last) + _OUTLIER_COST * _left_out(last, fixes))
-    fits = _cost(best) < _USUAL_COST * len(best.nodes.fixes.node) + _QUARTER_COST
+    against_quarters = float(np.log1p(best.nodes.mean_roll**-2))  # by the prior of the mean roll
+    fits = _cost(best) < _USUAL_COST * len(best.nodes.fixes.node) + against_quarters
     return found if fits and as_before - _cost(best) > _LEAST_GAIN[found.quarters] else None
 
 
