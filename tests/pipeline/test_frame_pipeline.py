@@ -133,6 +133,21 @@ def test_frames_whose_picture_hangs_are_bridged():
     assert errors_m(local_map).max() < 0.1
 
 
+def test_every_second_frame_repeats_a_picture_while_the_camera_brakes():
+    """The last repeat has no picture after it."""
+    shown = [0, 3, 6, 9, 12, 15, 17, 19, 21, 23, 25, 27, 29]
+    made = fed([Frame(i, i / FPS, images(COUNT)[shown[i // 2]]) for i in range(26)])
+    (local_map,) = made.maps
+    assert local_map.next_frame == 25 and local_map.bridged == set(range(3, 25, 2))
+    assert made.repeated_frames == list(range(3, 26, 2))
+    assert [motion.frame for motion in local_map.zero_motions] == [1]  # before anything had moved
+
+
+def test_a_camera_that_stops_at_the_end_of_its_video_stands():
+    made = fed([Frame(i, i / FPS, images(COUNT)[min(i, 15)]) for i in range(20)])
+    assert [motion.frame for motion in made.maps[0].zero_motions] == [16, 17, 18, 19]
+
+
 @pytest.mark.parametrize(("live", "repeats", "end"), [(False, [14, 15], 14), (True, [], 16)])
 def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand(live, repeats, end):
     """Live, the poses of these frames have been given out."""

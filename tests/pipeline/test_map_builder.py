@@ -63,6 +63,19 @@ def test_after_a_gap_the_last_pose_is_the_prediction(now_s, x):
     assert builder(pose(0.0), pose(0.5)).predict(now_s).world_T_camera[0, 3] == pytest.approx(x)
 
 
+def test_predictions_stay_rotations_where_every_other_frame_is_interpolated():
+    """Errors of rounding would double with each: pictures that repeat are posed, left out and bridged."""
+    made = builder(pose(0.0), pose(0.5, 0.1), interval_s=0.05)
+    for t_s in 0.1 + 0.1 * np.arange(40):
+        made.add_pose(t_s, made.predict(t_s).world_T_camera)
+        predicted = made.predict(t_s + 0.05).world_T_camera
+        made.local_map.apply(MapUpdate(end=made.local_map.next_frame - 1))
+        made.bridge(np.array([t_s]), t_s + 0.05, predicted)
+        made.add_pose(t_s + 0.05, predicted)
+    R = made.local_map.poses[-1, :3, :3]
+    np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
+
+
 def test_without_a_pose_before_the_last_one_it_is_the_prediction():
     np.testing.assert_array_equal(builder(UNKNOWN, pose(0.5)).predict(0.2).world_T_camera, pose(0.5))
 

@@ -36,7 +36,7 @@ def fed(these, *args, **kwargs):
     made = pipeline(*args, **kwargs)
     for frame in these:
         made.add_frame(frame)
-    made.finish_window()
+    made.finish()
     return made
 
 

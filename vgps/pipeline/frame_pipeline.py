@@ -146,9 +146,16 @@ class FramePipeline:
             self._worker.start(builder.local_map)
 
     def finish_window(self) -> None:
-        """Wait for stage C, if it is running, and apply its result; call it after the last frame."""
+        """Wait for stage C, if it is running, and apply its result."""
         if self._maps.current is not None and self._worker.busy:
             self._attempt(self._maps.current, self._worker.finish)
+
+    def finish(self) -> None:
+        """Apply what stage C still works at, and leave out last frames that repeat a picture."""
+        self.finish_window()
+        builder = self._maps.current
+        if self.repeated_frames and builder is not None and builder.ends_in_repeats(self.config.tracking):
+            self._discard_repeats(builder, lost=False)
 
     def start_anew(self) -> None:
         """Begin a new map with the next frame."""
@@ -208,8 +215,8 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self._stages.pose(builder, frame, predicted)
         result = builder.carried(frame, result, predicted, tracking)
-        repeats = not self._stages.live and builder.shows_repeats(frame, result, tracking)
-        if repeats:
+        known, live = self.repeated_frames, self._stages.live
+        if repeats := not live and builder.shows_repeats(frame, result, tracking, known):
             self._discard_repeats(builder, lost=result.world_T_camera is None)
         if result.world_T_camera is None:
             self._grow_following_map(frame)
@@ -228,11 +235,10 @@ class FramePipeline:
 
     def _bridge(self, builder: MapBuilder, frame: Frame, world_T_camera: FloatArray, repeats: bool) -> None:
         """Pose the frames between the newest one and a tracked one: repeated pictures, or a lost camera."""
-        first = builder.local_map.next_frame
-        builder.bridge(self.t_s[first : frame.index], frame.t_s, world_T_camera)
-        if first < frame.index and not repeats:
-            lost = f"tracking was lost from frame {first} to {frame.index - 1}; they are bridged"
-            self.warnings.append(lost)
+        first, last = builder.local_map.next_frame, frame.index - 1
+        builder.bridge(self.t_s[first : last + 1], frame.t_s, world_T_camera)
+        if first <= last and not repeats:
+            self.warnings.append(f"tracking was lost from frame {first} to {last}; they are bridged")
 
     def _align(self, builder: MapBuilder) -> None:
         """Align the map with the world, if that can be done yet."""

@@ -168,7 +168,7 @@ def _run_camera(
                 break
             if checkpoint is not None:
                 checkpoint.offer(frame_pipeline)
-        frame_pipeline.finish_window()
+        frame_pipeline.finish()
     if checkpoint is not None:
         checkpoint.write(frame_pipeline)
     return so_far()

@@ -1,8 +1,9 @@
 """A map under construction: its newest view, frames without a view, gaps, and when stage C is due."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
+import gtsam
 import numpy as np
 
 from vgps.config import TrackingConfig
@@ -27,6 +28,7 @@ _MIN_SIGMA = 1e-6  # keeps the information of a pose finite
 _LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose is the prediction
 _SAME_PICTURE_PX = 0.05  # features of the same picture, encoded again, move by less
 _LEAP = 1.5  # steps at the speed before: one that stood goes on by one at most, after a repeat it is two
+_LEAP_AGAIN = 0.5  # in a video that has repeated pictures: a camera that brakes hard goes less than two steps
 _LEAST_LEAP_PX = 2.0  # more than a vehicle moves in the first frame of a start
 _LONGEST_CARRIED_S = 0.5  # at constant velocity: an acceleration of 1 m/s^2 makes 0.1 m of it
 
@@ -121,18 +123,39 @@ class MapBuilder:
         moved = np.linalg.norm(result.raw_uv_px - self.local_map.raw_uv_px, axis=1)[result.found]
         return float(np.median(moved)) if len(moved) else np.nan
 
-    def shows_repeats(self, frame: Frame, result: TrackingResult, config: TrackingConfig) -> bool:
+    def shows_repeats(
+        self, frame: Frame, result: TrackingResult, config: TrackingConfig, known: Collection[int] = ()
+    ) -> bool:
         """Return whether frames since the newest view repeat its picture, by the frame after them.
 
         Nothing moves in them, and this frame is further from the view than one step, or lost: a camera that
         stood would go on from where it was.
+
+        Args:
+            frame: The frame after them.
+            result: Of stage A for this frame.
+            config: The motion of a frame that stands.
+            known: Frames before that repeat a picture.
         """
-        newest, end = int(self.local_map.view_frames[-1]), self.local_map.next_frame
-        if end == newest + 1 or self.largest_motion_px > _SAME_PICTURE_PX:
+        if not self._same_picture():
             return False
         step_px = self.speed_px_s * (frame.t_s - float(self.local_map.t_s[-1]))
-        leapt = self._moved_px(result) > max(_LEAST_LEAP_PX, config.static_px, _LEAP * step_px)
-        if not (leapt and step_px > 0.0) and not (self.started and result.world_T_camera is None):
+        steps = _LEAP_AGAIN if known else _LEAP
+        leapt = self._moved_px(result) > max(_LEAST_LEAP_PX, config.static_px, steps * step_px)
+        return (leapt and step_px > 0.0) or (self.started and result.world_T_camera is None)
+
+    def ends_in_repeats(self, config: TrackingConfig) -> bool:
+        """Return whether the last frames repeat a picture of a camera that moved, in a video that did so."""
+        first = int(self.local_map.view_frames[-1]) + 1 - self.local_map.first_frame
+        if not self._same_picture():
+            return False
+        step_px = self.speed_px_s * float(self.local_map.t_s[first] - self.local_map.t_s[first - 1])
+        return step_px > max(_LEAST_LEAP_PX, config.static_px)
+
+    def _same_picture(self) -> bool:
+        """Return whether there are frames since the newest view, and nothing moves in them."""
+        newest, end = int(self.local_map.view_frames[-1]), self.local_map.next_frame
+        if end == newest + 1 or self.largest_motion_px > _SAME_PICTURE_PX:
             return False
         return {motion.frame for motion in self.local_map.zero_motions}.issuperset(range(newest + 1, end))
 
@@ -210,7 +233,10 @@ class MapBuilder:
         intervals = (t_s - times[-1]) / (times[-1] - times[-2])
         if intervals >= _LONGEST_PREDICTION:
             return np.asarray(last)
-        return np.asarray(last @ np.linalg.inv(previous) @ last)
+        predicted = last @ np.linalg.inv(previous) @ last
+        # errors of rounding would double with each frame, where the one before it was interpolated
+        predicted[:3, :3] = gtsam.Rot3.ClosestTo(predicted[:3, :3]).matrix()
+        return np.asarray(predicted)
 
     def located(
         self,

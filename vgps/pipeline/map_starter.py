@@ -60,7 +60,8 @@ class MapStarter:
         result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
-        if not self._live and builder.shows_repeats(frame, result, config.tracking):
+        known = local_map.bridged  # nothing else is bridged before a map starts
+        if not self._live and builder.shows_repeats(frame, result, config.tracking, known):
             builder.bridge(builder.discard_repeats(), frame.t_s)
         if not builder.extend(frame, result, config.tracking, self._retention):
             return builder

@@ -9,7 +9,9 @@ from gtsam.symbol_shorthand import X
 from factors import constant_velocity_factor
 from vgps.config import MotionConfig
 from vgps.mapping.zero_motion import ZeroMotion
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray
+
+_SHORT_GAP_S = 0.3  # in which an acceleration of 3 m/s^2 makes 0.03 m
 
 
 def motion_factors(
@@ -19,7 +21,11 @@ def motion_factors(
     config: MotionConfig,
     speed_scale: float = 1.0,
 ) -> gtsam.NonlinearFactorGraph:
-    """Return zero-motion factors of standing frames, and constant velocity around unseen ones.
+    """Return zero-motion factors of standing frames, and constant velocity over unseen ones.
+
+    Over a longer gap, and beyond the ends of the path, the velocity is that of the frames beside it. A short
+    gap takes none from them and gives them none: a video converted to more frames a second shows pictures up
+    to a frame late, by which the velocity between two of its pictures may be wrong by half.
 
     Args:
         t_s: (F,) times of the frames.
@@ -34,7 +40,7 @@ def motion_factors(
         relative = gtsam.Pose3(constraint.reference_T_frame)
         reference, frame = X(constraint.reference), X(constraint.frame)
         graph.push_back(gtsam.BetweenFactorPose3(reference, frame, relative, noise))
-    for middle in _middles_around(np.flatnonzero(unseen), len(t_s)):
+    for middle in _middles_over(unseen, t_s):
         a, b, c = middle - 1, middle, middle + 1
         graph.push_back(
             constant_velocity_factor(
@@ -47,7 +53,12 @@ def motion_factors(
     return graph
 
 
-def _middles_around(frames: IntArray, count: int) -> Sequence[int]:
-    """Return the middle frames of all triples that contain one of ``frames``."""
-    middles = np.unique((frames[:, None] + np.array([-1, 0, 1])).ravel())
-    return [int(middle) for middle in middles if 1 <= middle <= count - 2]
+def _middles_over(unseen: BoolArray, t_s: FloatArray) -> Sequence[int]:
+    """Return the middle frames of triples at constant velocity: unseen ones, and those beside longer gaps."""
+    steps = np.diff(np.concatenate([[False], unseen, [False]]).astype(int))
+    before, after = np.flatnonzero(steps == 1) - 1, np.flatnonzero(steps == -1)  # the frames beside each gap
+    last = len(t_s) - 1
+    open_ended = (before < 0) | (after > last)
+    longer = open_ended | (t_s[np.minimum(after, last)] - t_s[np.maximum(before, 0)] > _SHORT_GAP_S)
+    middles = np.unique(np.concatenate([np.flatnonzero(unseen), before[longer], after[longer]]))
+    return [int(middle) for middle in middles if 1 <= middle < last]

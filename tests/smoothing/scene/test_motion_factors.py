@@ -1,0 +1,54 @@
+"""Which frames move at constant velocity: those that nothing else holds, and those beside a longer gap."""
+
+import gtsam
+import numpy as np
+import pytest
+from gtsam.symbol_shorthand import X
+from solutions import make_poses
+
+from vgps.config import MotionConfig
+from vgps.smoothing.scene.motion_factors import motion_factors
+
+INTERVAL_S = 0.05
+
+
+def graph_of(unseen, frames=20):
+    rows = np.isin(np.arange(frames), unseen)
+    return motion_factors(INTERVAL_S * np.arange(frames), rows, (), MotionConfig())
+
+
+def middles(unseen):
+    graph = graph_of(unseen)
+    return [gtsam.Symbol(graph.at(row).keys()[1]).index() for row in range(graph.size())]
+
+
+@pytest.mark.parametrize(
+    ("unseen", "expected"),
+    [
+        ([], []),
+        ([7], [7]),
+        ([7, 9], [7, 9]),
+        (range(7, 11), range(7, 11)),  # 0.25 s from 6 to 11
+        (range(7, 13), range(6, 14)),  # 0.35 s from 6 to 13
+        ([0, 1], [1, 2]),  # nothing but the velocity after it poses the beginning
+        ([19], [18]),
+    ],
+)
+def test_frames_in_the_middle_of_triples(unseen, expected):
+    assert middles(unseen) == list(expected)
+
+
+def test_a_short_gap_leaves_its_neighbours_where_they_are_however_uneven_their_steps():
+    """Pictures up to a frame late: the step over the gap is as long as the next, in twice the time."""
+    seen = [0, 2, 3]
+    poses = make_poses(np.column_stack([[0.0, 0.3, 1.0, 2.0], np.zeros(4), np.zeros(4)]), np.eye(3))
+    graph, values = graph_of([1], frames=4), gtsam.Values()
+    for frame, pose in enumerate(poses):
+        values.insert(X(frame), gtsam.Pose3(pose))
+        if frame in seen:
+            graph.push_back(
+                gtsam.PriorFactorPose3(X(frame), gtsam.Pose3(pose), gtsam.noiseModel.Isotropic.Sigma(6, 1.0))
+            )
+    found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    x = [found.atPose3(X(frame)).x() for frame in range(4)]
+    np.testing.assert_allclose(x, [0.0, 0.5, 1.0, 2.0], atol=1e-6)
