@@ -157,6 +157,14 @@ def test_a_camera_that_is_lost_after_a_picture_hung_did_not_stand(live, repeats,
     assert made.repeated_frames == repeats and made.maps[0].next_frame == end
 
 
+def test_an_exposure_that_jumps_loses_nothing():
+    """To a third and back, every four frames."""
+    shown = [replace(one, gray=(one.gray // 3 if one.index % 8 > 3 else one.gray)) for one in room()]
+    made = fed(shown, exact_fixes())
+    (local_map,) = made.maps
+    assert (local_map.next_frame, local_map.bridged) == (COUNT, set()) and errors_m(local_map).max() < 0.1
+
+
 def test_black_frames_are_bridged():
     made = fed(room(black=(14, 15, 16)), exact_fixes())
     (local_map,) = made.maps

@@ -34,6 +34,17 @@ def test_a_shift_is_found_from_near_and_from_far(images, method, tolerance_px, m
     assert np.median(error) < tolerance_px
 
 
+@pytest.mark.parametrize("darker", [0, 1])
+def test_a_picture_of_another_exposure_is_followed_as_well(images, darker):
+    exposed = [(0.3 * image + 5).astype(np.uint8) if k == darker else image for k, image in enumerate(images)]
+    uv = new_corners(images[0], np.zeros((0, 2)), 80, TrackingConfig(), np.random.default_rng(0))
+    uv = uv[np.all((uv > 30) & (uv < (330, 230)), axis=1)]
+    match = make_matcher(TrackingConfig()).match(*exposed, uv, uv + SHIFT + 3.0)
+    assert match.found.mean() > 0.85
+    error = np.linalg.norm(match.uv_px - uv - SHIFT, axis=1)[match.found]
+    assert np.median(error) < 0.2
+
+
 @pytest.mark.parametrize("method", ["lk", "ssd"])
 def test_features_that_leave_the_image_or_vanish_are_not_found(images, method):
     config = TrackingConfig(method=method, search_px=16)

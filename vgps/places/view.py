@@ -13,6 +13,7 @@ from vgps.geometry import project, rays
 from vgps.landmarks.descriptors import Descriptors, describe
 from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage, IntArray
 from vgps.places.revisits import PosedVideo
+from vgps.tracking.brightness import equally_bright
 from vgps.tracking.corners import is_shown
 from vgps.tracking.matching import pyramidal_flow
 from vgps.tracking.pose import Correspondences, ransac_pose
@@ -148,8 +149,9 @@ def followed(
     if not len(rows):
         return rows, np.zeros((0, 2))
     before, guess = (x[rows].astype(np.float32)[:, None] for x in (earlier.raw_uv_px, start))
-    there, found, _ = pyramidal_flow((earlier.gray, later.gray), before, guess, _LK_WINDOW_PX, _LK_LEVELS)
-    back, again, _ = pyramidal_flow((later.gray, earlier.gray), there, before, _LK_WINDOW_PX, _LK_LEVELS)
+    images = equally_bright(earlier.gray, later.gray)
+    there, found, _ = pyramidal_flow(images, before, guess, _LK_WINDOW_PX, _LK_LEVELS)
+    back, again, _ = pyramidal_flow(images[::-1], there, before, _LK_WINDOW_PX, _LK_LEVELS)
     good = found & again & (np.linalg.norm(back - before, axis=2)[:, 0] < _LK_RETURN_PX)
     raw = there[:, 0].astype(np.float64)
     good &= is_shown(later.mask, raw)

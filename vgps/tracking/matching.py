@@ -8,6 +8,7 @@ import numpy as np
 
 from vgps.config import TrackingConfig
 from vgps.model import BoolArray, Float32Array, FloatArray, GrayImage, IntArray
+from vgps.tracking.brightness import equally_bright
 from vgps.tracking.corners import harris_maxima
 
 _MAX_CORNERS = 5000  # the strongest; more are noise and cost time
@@ -41,6 +42,7 @@ class LucasKanade:
         self, previous: GrayImage, current: GrayImage, uv_px: FloatArray, predicted_uv_px: FloatArray
     ) -> Match:
         """See :class:`Matcher`."""
+        previous, current = equally_bright(previous, current)
         match = self._flow(previous, current, uv_px, predicted_uv_px, self._config.first_levels)
         if match.found.sum() >= self._config.first_share * len(uv_px):
             return match
