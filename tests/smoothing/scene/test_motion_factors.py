@@ -8,17 +8,25 @@ from solutions import make_poses
 
 from vgps.config import MotionConfig
 from vgps.smoothing.scene.motion_factors import motion_factors
+from vgps.smoothing.scene.scene import Scene
+from vgps.solution import Observations
 
 INTERVAL_S = 0.05
 
 
-def graph_of(unseen, frames=20):
+def graph_of(unseen, frames=20, seam=()):
+    """Three landmarks are seen from all frames but the unseen ones, and other ones from a seam on."""
     rows = np.isin(np.arange(frames), unseen)
-    return motion_factors(INTERVAL_S * np.arange(frames), rows, (), MotionConfig())
+    frame = np.repeat(np.flatnonzero(~rows), 3)
+    landmark = np.tile(np.arange(3), np.count_nonzero(~rows)) + 3 * np.searchsorted(seam, frame, side="right")
+    observations = Observations(frame, landmark, np.zeros((len(frame), 2)))
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    scene = Scene(INTERVAL_S * np.arange(frames), poses, np.zeros((6, 3)), observations)
+    return motion_factors(scene, rows, MotionConfig())
 
 
-def middles(unseen):
-    graph = graph_of(unseen)
+def middles(unseen, seam=()):
+    graph = graph_of(unseen, seam=seam)
     return [gtsam.Symbol(graph.at(row).keys()[1]).index() for row in range(graph.size())]
 
 
@@ -36,6 +44,11 @@ def middles(unseen):
 )
 def test_frames_in_the_middle_of_triples(unseen, expected):
     assert middles(unseen) == list(expected)
+
+
+def test_a_frame_at_the_seam_of_two_maps_ties_them():
+    """Beside velocity nothing does."""
+    assert middles([7], seam=[7]) == [6, 7, 8] and middles([7], seam=[9]) == [7]
 
 
 def test_a_short_gap_leaves_its_neighbours_where_they_are_however_uneven_their_steps():

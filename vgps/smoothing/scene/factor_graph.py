@@ -150,7 +150,7 @@ def other_pose_factors(
     if imu is not None:
         unseen = scene.hardly_seen(config.tracking.min_inliers)
         unseen[imu.frame] = False
-    motion = motion_factors(scene.t_s, unseen, scene.zero_motions, config.motion)
+    motion = motion_factors(scene, unseen, config.motion)
     level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
     heights = gtsam.NonlinearFactorGraph() if scene.heights is None else scene.heights.graph()
     return joined(sensors.priors(), motion, level, heights)

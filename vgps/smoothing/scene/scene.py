@@ -15,6 +15,9 @@ from vgps.solution import Observations, Trajectory
 from vgps.solver.disk_arrays import DiskArrays
 from vgps.solver.integer_sets import numbered
 
+MIN_LANDMARKS = 3
+"""Landmarks that determine a pose."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -55,13 +58,25 @@ class Scene:
     @property
     def unseen(self) -> BoolArray:
         """(F,) frames with too few observations for a pose that no zero motion holds."""
-        return self.hardly_seen(3)  # points determine a pose
+        return self.hardly_seen(MIN_LANDMARKS)
 
     def hardly_seen(self, fewest: int) -> BoolArray:
         """Return the frames (F,) with fewer observations than that, which no zero motion holds."""
         few = np.bincount(self.observations.frame, minlength=len(self.t_s)) < fewest
         few[[constraint.frame for constraint in self.zero_motions]] = False
         return np.asarray(few)
+
+    def shared_landmarks(self, first: IntArray, second: IntArray) -> IntArray:
+        """Return how many landmarks (n,) are seen from both frames of pairs (n,), (n,)."""
+        rows = np.flatnonzero(np.isin(self.observations.frame, np.concatenate([first, second])))
+        rows = rows[np.argsort(self.observations.frame[rows], kind="stable")]
+        frame, landmark = self.observations.frame[rows], self.observations.landmark[rows]
+
+        def seen(one: int) -> IntArray:
+            return landmark[slice(*np.searchsorted(frame, [one, one + 1]))]
+
+        pairs = zip(first.tolist(), second.tolist(), strict=True)
+        return np.array([len(np.intersect1d(seen(a), seen(b))) for a, b in pairs], dtype=np.int64)
 
     def with_observations(self, kept: BoolArray) -> "Scene":
         """Return the scene with some of its observations (N,)."""

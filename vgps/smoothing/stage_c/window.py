@@ -74,7 +74,7 @@ def optimise_window(
         graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
     else:
         speed = _typical_speed(scene.trajectory)
-        graph = motion_factors(scene.t_s, scene.unseen, scene.zero_motions, config.motion, speed)
+        graph = motion_factors(scene, scene.unseen, config.motion, speed)
     tied = local_map.aligned and (config.gps.model != "none" or len(scene.controls.frame) > 0)
     if starts := not fixed.any():
         graph.push_back(start_priors(scene.poses, local_map.aligned, tied))

@@ -182,13 +182,13 @@ def frame_change(window: WindowScene, context: SmoothingContext) -> GraphChange:
     for frame in range(window.new, window.newest + 1):
         change.values.insert(X(frame), gtsam.Pose3(window.pose(frame)))
         change.stamps[X(frame)] = float(frame)
-    motions = [
+    motions = tuple(
         replace(one, frame=one.frame + offset, reference=one.reference + offset)
         for one in scene.zero_motions
         if one.frame + offset >= window.new and one.reference + offset >= window.begin
-    ]
+    )
     all_seen = np.zeros(len(scene.t_s), dtype=bool)  # else the window is not for iSAM2
-    factors = motion_factors(scene.t_s, all_seen, motions, config.motion)
+    factors = motion_factors(replace(scene, zero_motions=motions), all_seen, config.motion)
     controls = context.controls.between(window.new, window.newest)
     sigma_px = control_sigma_px(
         controls, scene.poses[window.new - offset :], context.K, config.start.control_sigma_px
