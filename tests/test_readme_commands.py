@@ -15,7 +15,7 @@ import vgps
 from vgps.cli import main
 from vgps.model import GeodeticPoint
 from vgps.readers.trajectory import read_trajectory
-from vgps.simulate import simulate
+from vgps.simulate import GpsConfig, simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = (
@@ -94,7 +94,8 @@ def desk(tmp_path, monkeypatch, data_dir):
         focal_px=933.0,
         fps=6,
         max_samples=1,
-        speed=((0.0, 1.5), (3.0, 1.5)),
+        speed=((0.0, 1.5), (2.0, 1.5)),
+        gps=GpsConfig(fix_share=0.5, interval_s=0.5),
         camera_p_antenna=(0.0, -0.3, 0.0),
         start_utc=datetime(2026, 5, 1, 9, 30, 12, 500000, tzinfo=UTC),
         world_origin=GeodeticPoint(49.011, 8.4165, 160.0),
