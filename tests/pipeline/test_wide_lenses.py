@@ -19,14 +19,14 @@ def filmed(folder: Path, degrees: float) -> Path:
     """A walk with RTK-fixes through a fisheye with a rolling shutter."""
     scene = replace(
         SCENES["demo"],
-        speed=((0.0, 1.2), (6.0, 1.2)),
-        fps=7,
+        speed=((0.0, 1.2), (5.0, 1.2)),
+        fps=4,
         width=WIDTH,
         height=HEIGHT,
         fisheye_deg=degrees,
         readout_s=0.03,
         texture_scale=0.5,
-        gps=GpsConfig(fix_share=0.5),
+        gps=GpsConfig(fix_share=0.5, interval_s=0.5),
     )
     simulate(folder, scene)
     return folder
