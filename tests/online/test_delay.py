@@ -3,8 +3,8 @@ import json
 
 import numpy as np
 import pytest
+from fewer_features import fewer_features
 
-import vgps
 from vgps.online.delay import DelayedEstimates
 from vgps.online.session import OnlineOptions, pose_recording
 from vgps.readers.trajectory import read_trajectory
@@ -39,7 +39,7 @@ def test_without_a_delay_estimates_pass_as_they_are():
 
 def poses(recording, lag_s):
     lines = io.StringIO()
-    pose_recording(recording, OnlineOptions(config=vgps.Config(), lag_s=lag_s), stream=lines)
+    pose_recording(recording, OnlineOptions(config=fewer_features(150), lag_s=lag_s), stream=lines)
     return [entry for entry in map(json.loads, lines.getvalue().splitlines()) if entry["type"] == "pose"]
 
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from fewer_features import fewer_features
 from synthetic_fixes import fixes_of_size
 from walks import ToAndFro
 
@@ -35,7 +36,7 @@ def walked_with_float_fixes(walk, frames, seed):
     template, opened = next(fixes_of(walk.opened.gps)), walk.opened
     # aligned tracks of rendered pictures let a camera drift less than real ones do
     drift = DriftConfig(scale_sigma=0.002, rotation_sigma_deg=0.03)
-    config = vgps.Config(drift=drift, sensors=SensorsConfig(estimate_time_offset="no"))
+    config = fewer_features(150, drift=drift, sensors=SensorsConfig(estimate_time_offset="no"))
     smoother, ratios = vgps.OnlineSmoother(opened.camera, opened.rig, config), []
     region = config.gps.regions[FixClass.RTK_FLOAT]
     sigma = sigmas_of(region)
