@@ -59,8 +59,8 @@ def solved(relief_m: float, seed: int) -> tuple[float, float]:
 def test_the_path_of_a_climb_bends_as_stated_and_most_over_flat_ground():
     """Over flat ground the cost is no parabola there, so that its curvature says too much."""
     flat, hilly, rough = (
-        np.sqrt(np.mean([solved(relief_m, seed) for seed in range(12)], axis=0))
-        for relief_m in (0.0, 0.3, 1.5)
+        np.sqrt(np.mean([solved(relief_m, seed) for seed in range(seeds)], axis=0))
+        for relief_m, seeds in ((0.0, 5), (0.3, 12), (1.5, 12))  # the flat ones take many steps
     )
     for drawn, stated in (hilly, rough):
         assert 0.6 < drawn / stated < 1.6
