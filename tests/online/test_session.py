@@ -136,11 +136,11 @@ def records(text):
 
 
 @pytest.mark.slow
-def test_the_verb_on_a_recording(brief, tmp_path):
+def test_the_verb_on_a_recording(brief, tmp_path, vgps_verb):
     out = tmp_path / "run"
-    done = subprocess.run(command(brief, "--out", out), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    lines = records(done.stdout)
+    code, told, errors = vgps_verb("online", brief, "--out", out)
+    assert code == 0, errors
+    lines = records(told)
     poses = [line for line in lines if line["type"] == "pose"]
     assert [pose["frame"] for pose in poses] == list(range(45))
     assert poses[0]["state"] == "starting" and poses[0]["global"] is None
