@@ -18,14 +18,14 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 # what a reader sees takes long; less of it runs the same code
 SMALLER = {
     "fast_rotation": {
-        "SURVEY_S, FAST_S = 4.0, 2.0": "SURVEY_S, FAST_S = 1.6, 0.8",
+        "SURVEY_S, FAST_S = 4.0, 2.0": "SURVEY_S, FAST_S = 1.2, 0.6",
         "texture_scale=0.5": "texture_scale=0.25, max_samples=8",
     },
     "penalty": {"EXPONENTS = (1, 2, 4, 8, 16)": "EXPONENTS = (1, 2)"},
     "survey": {"linspace(0, 0.3, 61)": "linspace(0, 0.3, 7)", "18_000, 8": "1800, 8"},
     # methods B and C share their front end
     "table6": {
-        "WALK_S = 12.0": "WALK_S = 3.0",
+        "WALK_S = 12.0": "WALK_S = 2.0",
         "fps=10": "fps=6, max_samples=8",
         "NoProgress(), METHODS": "NoProgress(), METHODS[1:3]",
     },
