@@ -7,7 +7,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from brief_videos import first_frames
+from brief_videos import first_frames, thinned
 from fewer_features import fewer_features
 from textured_room import CAMERA, CONFIG, path, room_control_points, room_gps_log, room_recording
 
@@ -256,13 +256,13 @@ def test_outliers_on_kitti03_are_all_found_and_no_others(data_dir):
     """
     folder, frames = data_dir / "kitti03", 360
     drive = first_frames(vgps.open_recording(folder, gps="gps_outliers.nmea"), frames)
-    solution = vgps.smooth(drive, fewer_features(100))
+    solution = vgps.smooth(thinned(drive, 2), fewer_features(100))
     wrong = json.loads((folder / "gps_outliers_truth.json").read_text())["outlier_rows"]
     rejected = np.flatnonzero([verdict is Verdict.REJECTED for verdict in solution.fixes.verdict])
     assert rejected.tolist() == [row for row in wrong if solution.fix_times_s[row] < solution.t_s[-1]]
-    # twice what it is with either of two seeds
+    # 1.5 to 2.2 times what it is with three seeds
     assert errors(solution, folder).camera_horizontal_m.mean < 0.5
-    assert np.isfinite(solution.world_T_camera).all() and len(solution.t_s) == frames
+    assert np.isfinite(solution.world_T_camera).all() and len(solution.t_s) == frames // 2
     sigma_s = np.nan_to_num(solution.sensors.time_offset_sigma_s)  # NaN if it is not estimated
     assert abs(solution.sensors.time_offset_s) <= 3.0 * sigma_s < 0.09
 
