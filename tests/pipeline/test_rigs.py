@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 SCENE = replace(
     SCENES["demo"],
     speed=((0.0, 1.2), (5.0, 1.2)),
-    fps=10,
+    fps=7,
     width=360,
     height=240,
     focal_px=300.0,
@@ -52,7 +52,7 @@ def test_a_dark_while_of_one_camera_is_bridged_by_the_other(rig: Path) -> None:
     assert set(solution.state) == {FrameState.TRACKED}
     truth = read_trajectory(rig / "truth.tum")
     alone = vgps.smooth(replace(recording, cameras=()), NO_GPS)
-    assert alone.state.count(FrameState.BRIDGED) >= 13
+    assert alone.state.count(FrameState.BRIDGED) >= 9
     errors = [evaluate(one, truth).camera_position_after_sim3_m for one in (solution, alone)]
     assert errors[0] is not None and errors[1] is not None
     assert errors[0].max < 0.05
