@@ -15,7 +15,7 @@ import vgps
 from scripts.common.command import ScriptParser, add_seeds
 from scripts.common.live_runs import run_live, truth_of
 from scripts.common.markdown import LiveTable
-from vgps.geometry import rotation_vectors
+from scripts.common.pose_errors import pose_errors
 from vgps.model import Camera, FloatArray, Frame, Recording
 from vgps.readers.video.derived_video import DerivedVideo
 
@@ -79,21 +79,6 @@ def _turned_camera(camera: Camera) -> Camera:
     )
 
 
-def errors(poses: FloatArray, true: FloatArray) -> dict[str, float]:
-    """Return errors of the poses (F, 4, 4) that there are, against the true ones."""
-    posed = np.isfinite(poses[:, 0, 3])
-    poses, true = poses[posed], true[posed]
-    away = np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1)
-    turn = rotation_vectors(poses[:, :3, :3] @ true[:, :3, :3].transpose(0, 2, 1))
-    turn_deg = np.degrees(np.linalg.norm(turn, axis=1))
-    return {
-        "mean_m": float(away.mean()),
-        "max_m": float(away.max()),
-        "rotation_deg": float(turn_deg.mean()),
-        "rotation_max_deg": float(turn_deg.max()),
-    }
-
-
 def main() -> None:
     """Print a markdown table, two rows per recording, turn and seed."""
     parser = ScriptParser("experiments.turned_cameras", __doc__)
@@ -113,7 +98,7 @@ def main() -> None:
                     offline = vgps.smooth(recording, vgps.Config(seed=seed)).world_T_camera
                     live = np.array([one.global_T_camera for one in run_live(recording, seed).estimates])
                     for name, poses in (("offline", offline), ("live", live)):
-                        row = errors(poses, true[: len(poses)])
+                        row = pose_errors(poses, true[: len(poses)])
                         results.add(
                             recording=folder.name, turned_deg=90 * quarters, seed=seed, mode=name, **row
                         )

@@ -1,0 +1,140 @@
+"""What do exposures that jump, pictures that repeat or are missing, noise and blur do to poses?
+
+The videos of recordings with truth are changed as those of users are. Errors are unaligned, offline and live
+as poses came, of the frames that are the first to show their picture: where the camera was when it was taken.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import vgps
+from scripts.common.command import ScriptParser, add_seeds
+from scripts.common.live_runs import run_live, truth_of
+from scripts.common.markdown import LiveTable
+from scripts.common.pose_errors import pose_errors
+from vgps.model import FloatArray, Frame, GrayImage, IntArray, Recording
+from vgps.readers.video.derived_video import DerivedVideo
+
+COLUMNS = ["recording", "video", "seed", "", "mean [m]", "largest", "rotation [degrees]", "largest"]
+JUMPS_S = 1.5  # the exposure jumps twice in this time
+Change = Callable[[GrayImage, float], GrayImage]
+Order = tuple[IntArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class ChangedVideo(DerivedVideo):
+    """A video that shows pictures of another one at other times, changed.
+
+    Attributes:
+        shown: (F,) the pictures, which may repeat.
+        at_s: (F,) times of the frames.
+        change: Function of a picture and the time of its frame.
+    """
+
+    shown: IntArray
+    at_s: FloatArray
+    change: Change
+
+    @property
+    def times_s(self) -> FloatArray:
+        """(F,) times of the frames."""
+        return self.at_s
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames."""
+        index = 0
+        for frame in self.video.frames():
+            while index < len(self.shown) and self.shown[index] == frame.index:
+                t_s = float(self.at_s[index])
+                yield replace(frame, index=index, t_s=t_s, gray=self.change(frame.gray, t_s))
+                index += 1
+
+
+def as_it_is(gray: GrayImage, _: float) -> GrayImage:
+    """Return the picture."""
+    return gray
+
+
+def exposed(factor: float) -> Change:
+    """Return what darkens every other stretch of a video by a factor."""
+    return lambda gray, t_s: gray if t_s % JUMPS_S < JUMPS_S / 2 else (gray / factor).astype(np.uint8)
+
+
+def noisy(sigma: float) -> Change:
+    """Return what adds noise of so many gray values, the same for the same time."""
+
+    def change(gray: GrayImage, t_s: float) -> GrayImage:
+        noise = np.random.default_rng(round(1e3 * t_s)).normal(0.0, sigma, gray.shape)
+        return np.clip(gray + noise, 0, 255).astype(np.uint8)
+
+    return change
+
+
+def blurred(sigma_px: float) -> Change:
+    """Return what takes a picture out of focus."""
+    return lambda gray, _: np.asarray(cv2.GaussianBlur(gray, (0, 0), sigma_px), np.uint8)
+
+
+def converted(t_s: FloatArray, factor: float) -> Order:
+    """Return pictures and times of a video with more frames a second: each shows the newest picture."""
+    at_s = np.arange(t_s[0], t_s[-1], float(np.median(np.diff(t_s))) / factor)
+    return np.searchsorted(t_s, at_s + 1e-6, side="right") - 1, at_s
+
+
+def missing(t_s: FloatArray, share: float) -> Order:
+    """Return pictures and times of a video that lost a share of its frames."""
+    kept = np.flatnonzero(np.random.default_rng(0).random(len(t_s)) >= share)
+    return kept, t_s[kept]
+
+
+def changed(recording: Recording) -> Iterator[tuple[str, ChangedVideo]]:
+    """Yield the changed videos of a recording, and in words what was changed."""
+    video = recording.video
+    t_s = video.times_s
+    order = np.arange(len(t_s)), t_s
+    for name, (shown, at_s), change in (
+        ("as it is", order, as_it_is),
+        ("exposure jumps by 1.5", order, exposed(1.5)),
+        ("exposure jumps by 2", order, exposed(2.0)),
+        ("exposure jumps by 4", order, exposed(4.0)),
+        ("every picture twice", converted(t_s, 2.0), as_it_is),
+        ("1.5 times the frames", converted(t_s, 1.5), as_it_is),
+        ("2.5 times the frames", converted(t_s, 2.5), as_it_is),
+        ("three of ten frames missing", missing(t_s, 0.3), as_it_is),
+        ("noise of 15 gray values", order, noisy(15.0)),
+        ("blur of 3 px", order, blurred(3.0)),
+    ):
+        yield name, ChangedVideo(video, shown, at_s, change)
+
+
+def main() -> None:
+    """Print a markdown table, two rows per recording, change and seed."""
+    parser = ScriptParser("experiments.changed_videos", __doc__)
+    parser.add_argument("recordings", nargs="+", type=Path, help="with truth")
+    parser.add_argument("--gps", default="gps_float.nmea", help="log in the recordings")
+    add_seeds(parser, 1)
+    given = parser.parse_args()
+    table = LiveTable(*COLUMNS)
+    with parser.refusals():
+        results = parser.results(given)
+        for folder in given.recordings:
+            recording = vgps.open_recording(folder, gps=given.gps)
+            for name, video in changed(recording):
+                other = replace(recording, video=video)
+                first = np.unique(video.shown, return_index=True)[1]
+                true = truth_of(recording).world_T_camera[video.shown[first]]
+                for seed in range(given.seeds):
+                    offline = vgps.smooth(other, vgps.Config(seed=seed)).world_T_camera
+                    live = np.array([one.global_T_camera for one in run_live(other, seed).estimates])
+                    for mode, poses in (("offline", offline), ("live", live)):
+                        row = pose_errors(poses[first], true)
+                        results.add(recording=folder.name, video=name, seed=seed, mode=mode, **row)
+                        table.add(folder.name, name, f"{seed}", mode, *row.values())
+
+
+if __name__ == "__main__":
+    main()

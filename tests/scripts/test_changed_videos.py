@@ -1,0 +1,52 @@
+"""Videos changed as those of users are."""
+
+import numpy as np
+import pytest
+
+import vgps
+from scripts.experiments.changed_videos import ChangedVideo, as_it_is, changed, converted, exposed, missing
+
+T_S = 0.1 * np.arange(20)
+
+
+@pytest.mark.parametrize(
+    ("factor", "shown"), [(2.0, [0, 0, 1, 1, 2, 2]), (1.5, [0, 0, 1, 2, 2, 3]), (2.5, [0, 0, 0, 1, 1, 2])]
+)
+def test_more_frames_a_second_repeat_the_newest_picture(factor, shown):
+    pictures, at_s = converted(T_S, factor)
+    assert pictures[:6].tolist() == shown
+    np.testing.assert_allclose(np.diff(at_s), 0.1 / factor)
+    assert (T_S[pictures] <= at_s + 1e-6).all() and (at_s - T_S[pictures] < 0.1).all()
+
+
+def test_frames_that_are_missing_leave_the_others_their_times():
+    kept, at_s = missing(T_S, 0.3)
+    assert 0 < len(kept) < len(T_S) and (at_s == T_S[kept]).all()
+
+
+def test_frames_are_those_of_the_times_and_pictures(recording):
+    video = vgps.open_recording(recording).video
+    shown, at_s = converted(video.times_s[:4], 2.0)
+    made = list(ChangedVideo(video, shown, at_s, as_it_is).frames())
+    pictures = [frame.gray for frame, _ in zip(video.frames(), range(4), strict=False)]
+    assert [frame.index for frame in made] == list(range(len(at_s)))
+    assert all((frame.gray == pictures[k]).all() for frame, k in zip(made, shown, strict=True))
+    np.testing.assert_allclose([frame.t_s for frame in made], at_s)
+
+
+def test_an_exposure_jumps_in_turns():
+    gray = np.full((2, 2), 200, np.uint8)
+    assert [int(exposed(4.0)(gray, t_s)[0, 0]) for t_s in (0.0, 0.7, 0.8, 1.4, 1.6)] == [
+        200,
+        200,
+        50,
+        50,
+        200,
+    ]
+
+
+def test_every_change_has_as_many_pictures_as_times(recording):
+    opened = vgps.open_recording(recording)
+    for name, video in changed(opened):
+        first = next(video.frames())
+        assert name and len(video.shown) == len(video.times_s) and first.gray.shape[0] == video.height
