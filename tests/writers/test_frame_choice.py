@@ -7,7 +7,7 @@ from solutions import EAST_R_CAMERA, make_poses, make_solution
 
 from vgps.errors import RunFolderError
 from vgps.readers.video.images import ImageFolder
-from vgps.solution import Observations
+from vgps.solution import FrameState, Observations
 from vgps.writers.frame_choice import FrameChoice, choose_frames, subset
 
 
@@ -27,6 +27,12 @@ def test_a_frame_every_metres_or_seconds(drive):
     assert chosen(drive) == list(range(20))
     assert chosen(drive, every_m=4.0) == [0, 4, 8]
     assert chosen(drive, every_s=0.5) == [0, 5, 10, 15]
+
+
+def test_a_tracked_frame_is_chosen_before_a_bridged_one(drive):
+    """The picture of a bridged one may be black, or that of the frame before it."""
+    state = [FrameState.BRIDGED if k in (0, 1, 5, *range(10, 15)) else FrameState.TRACKED for k in range(20)]
+    assert chosen(replace(drive, state=tuple(state)), every_s=0.5) == [2, 6, 10, 15]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from vgps.geometry import travelled
 from vgps.model import FloatArray, GrayImage, IntArray
 from vgps.readers.sources import Source
 from vgps.readers.views.view import ViewVideo
-from vgps.solution import Observations, Solution
+from vgps.solution import FrameState, Observations, Solution
 
 Select = Literal["all", "sharp"]
 _SHARP_S = 0.5  # stretch of which the sharpest frame is taken, if no other is given: about a stride
@@ -56,7 +56,8 @@ def choose_frames(solution: Solution, choice: FrameChoice, video: Source | ViewV
         if video is None:
             raise RunFolderError("no frames to compare", remedy="name the recording with --images")
         score = _sharpness(video, count)
-    order = np.lexsort((-score, stretch))
+    bridged = np.array([state is FrameState.BRIDGED for state in solution.state])
+    order = np.lexsort((-score, bridged, stretch))  # the picture of a bridged one may be of another pose
     first = np.unique(stretch[order], return_index=True)[1]
     return np.sort(order[first]).astype(np.int64)
 
