@@ -133,10 +133,11 @@ def test_frames_whose_picture_hangs_are_bridged():
     assert errors_m(local_map).max() < 0.1
 
 
-def test_every_second_frame_repeats_a_picture_while_the_camera_brakes():
+@pytest.mark.parametrize("live", [False, True])
+def test_every_second_frame_repeats_a_picture_while_the_camera_brakes(live):
     """The last repeat has no picture after it."""
     shown = [0, 3, 6, 9, 12, 15, 17, 19, 21, 23, 25, 27, 29]
-    made = fed([Frame(i, i / FPS, images(COUNT)[shown[i // 2]]) for i in range(26)])
+    made = fed([Frame(i, i / FPS, images(COUNT)[shown[i // 2]]) for i in range(26)], live=live)
     (local_map,) = made.maps
     assert local_map.next_frame == 25 and local_map.bridged == set(range(3, 25, 2))
     assert made.repeated_frames == list(range(3, 26, 2))

@@ -43,7 +43,7 @@ class FramePipeline:
         camera_p_antenna: (3,) metres.
         fixes: Fixes available from the start; more may be added at any time.
         retention: How much of the past to keep; everything if none is given.
-        live: Whether poses are given out frame by frame: frames that repeat a picture then stay as they were.
+        live: Whether poses are given out frame by frame: none is taken back when the camera is lost.
     """
 
     def __init__(
@@ -215,9 +215,9 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self._stages.pose(builder, frame, predicted)
         result = builder.carried(frame, result, predicted, tracking)
-        known, live = self.repeated_frames, self._stages.live
-        if repeats := not live and builder.shows_repeats(frame, result, tracking, known):
-            self._discard_repeats(builder, lost=result.world_T_camera is None)
+        lost, live, known = result.world_T_camera is None, self._stages.live, self.repeated_frames
+        if repeats := not (lost and live) and builder.shows_repeats(frame, result, tracking, known):
+            self._discard_repeats(builder, lost)
         if result.world_T_camera is None:
             self._grow_following_map(frame)
             return

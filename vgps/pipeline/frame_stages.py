@@ -26,7 +26,7 @@ class FrameStages:
         config: Settings.
         rng: Random generator of the stages.
         retention: Policy that limits how long a frame may go without a view, if any.
-        live: Whether poses are given out frame by frame, so that frames stay in the map as they were.
+        live: Whether poses are given out frame by frame.
         tracker, mapper: Stage A, stage B.
         starter: What starts maps with them.
     """
@@ -52,7 +52,7 @@ class FrameStages:
         """Return the stages for a camera."""
         tracker = FrameTracker(camera, config.tracking, config.mapping, rng)
         mapper = Mapper(camera, config.tracking, config.mapping, rng)
-        starter = MapStarter((tracker, mapper), camera, config, rng, retention, live)
+        starter = MapStarter((tracker, mapper), camera, config, rng, retention)
         return cls(
             camera=camera,
             config=config,

@@ -26,7 +26,6 @@ class MapStarter:
         config: Settings.
         rng: Random generator, the one of the stages.
         retention: Policy that limits how long a frame may go without a view, if any.
-        live: Whether frames stay in the map as they were.
     """
 
     def __init__(
@@ -36,10 +35,9 @@ class MapStarter:
         config: Config,
         rng: np.random.Generator,
         retention: RetentionPolicy | None,
-        live: bool = False,
     ) -> None:
         self._tracker, self._mapper = stages
-        self._config, self._retention, self._live = config, retention, live
+        self._config, self._retention = config, retention
         self._initialiser = TwoViewInitialiser(camera, config.start, config.tracking, rng)
 
     def add_frame(
@@ -61,7 +59,7 @@ class MapStarter:
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
         known = local_map.bridged  # nothing else is bridged before a map starts
-        if not self._live and builder.shows_repeats(frame, result, config.tracking, known):
+        if builder.shows_repeats(frame, result, config.tracking, known):
             builder.bridge(builder.discard_repeats(), frame.t_s)
         if not builder.extend(frame, result, config.tracking, self._retention):
             return builder
