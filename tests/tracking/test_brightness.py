@@ -27,7 +27,14 @@ def test_an_offset_alone_is_taken_away(picture):
 
 def test_what_nearly_agrees_stays(picture):
     nearly = (0.9 * picture).astype(np.uint8)
-    assert equally_bright(picture, nearly) == (picture, nearly)
+    first, second = equally_bright(picture, nearly)
+    assert first is picture and second is nearly
+
+
+def test_a_gray_value_more_in_the_dark_is_no_other_exposure(picture):
+    dark, brighter = picture // 20, picture // 20 + 1
+    first, second = equally_bright(dark, brighter)
+    assert first is dark and second is brighter
 
 
 @pytest.mark.parametrize("value", [0, 255])

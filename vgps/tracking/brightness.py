@@ -11,6 +11,7 @@ from vgps.model import FloatArray, GrayImage
 
 _NOTABLE = 0.2  # logarithm of a gain: matches bear it, and what comes into view may look like one
 _SHARES = (0.1, 0.5, 0.9)  # of the pixels that are darker: borders and lamps count little
+_FAINT = 4.0  # gray values: in the dark a step of one is no gain
 _LEAST_SPREAD = 2.0  # gray values: a black or white picture shows nothing at any gain
 _EVERY_PX = 8  # of rows and columns
 
@@ -22,7 +23,8 @@ def equally_bright(first: GrayImage, second: GrayImage) -> tuple[GrayImage, Gray
     """
     a, b = _quantiles(first), _quantiles(second)
     spread, other_spread = a[2] - a[0], b[2] - b[0]
-    if min(spread, other_spread) < _LEAST_SPREAD or np.abs(np.log((a + 1.0) / (b + 1.0))).max() < _NOTABLE:
+    gain = np.log((a + _FAINT) / (b + _FAINT))
+    if min(spread, other_spread) < _LEAST_SPREAD or np.abs(gain).max() < _NOTABLE:
         return first, second
     if spread < other_spread:
         return _stretched(first, a[1], b[1], other_spread / spread), second
