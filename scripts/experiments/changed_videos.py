@@ -6,20 +6,14 @@ as poses came, of the frames that are the first to show their picture: where the
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-import vgps
-from scripts.common.command import ScriptParser, add_seeds
-from scripts.common.live_runs import run_live, truth_of
-from scripts.common.markdown import LiveTable
-from scripts.common.pose_errors import pose_errors
+from scripts.common.both_ways import Case, print_both_ways
 from vgps.model import FloatArray, Frame, GrayImage, IntArray, Recording
 from vgps.readers.video.derived_video import DerivedVideo
 
-COLUMNS = ["recording", "video", "seed", "", "mean [m]", "largest", "rotation [degrees]", "largest"]
 JUMPS_S = 1.5  # the exposure jumps twice in this time
 Change = Callable[[GrayImage, float], GrayImage]
 Order = tuple[IntArray, FloatArray]
@@ -30,7 +24,7 @@ class ChangedVideo(DerivedVideo):
     """A video that shows pictures of another one at other times, changed.
 
     Attributes:
-        shown: (F,) the pictures, which may repeat.
+        shown: (F,) the pictures, ascending; some may repeat.
         at_s: (F,) times of the frames.
         change: Function of a picture and the time of its frame.
     """
@@ -91,10 +85,14 @@ def missing(t_s: FloatArray, share: float) -> Order:
     return kept, t_s[kept]
 
 
-def changed(recording: Recording) -> Iterator[tuple[str, ChangedVideo]]:
-    """Yield the changed videos of a recording, and in words what was changed."""
-    video = recording.video
-    t_s = video.times_s
+def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
+    """Yield a recording with each changed video; the first frames to show a picture count.
+
+    Args:
+        recording: The recording.
+        true: (F, 4, 4) its true poses.
+    """
+    t_s = recording.video.times_s
     order = np.arange(len(t_s)), t_s
     for name, (shown, at_s), change in (
         ("as it is", order, as_it_is),
@@ -108,33 +106,10 @@ def changed(recording: Recording) -> Iterator[tuple[str, ChangedVideo]]:
         ("noise of 15 gray values", order, noisy(15.0)),
         ("blur of 3 px", order, blurred(3.0)),
     ):
-        yield name, ChangedVideo(video, shown, at_s, change)
-
-
-def main() -> None:
-    """Print a markdown table, two rows per recording, change and seed."""
-    parser = ScriptParser("experiments.changed_videos", __doc__)
-    parser.add_argument("recordings", nargs="+", type=Path, help="with truth")
-    parser.add_argument("--gps", default="gps_float.nmea", help="log in the recordings")
-    add_seeds(parser, 1)
-    given = parser.parse_args()
-    table = LiveTable(*COLUMNS)
-    with parser.refusals():
-        results = parser.results(given)
-        for folder in given.recordings:
-            recording = vgps.open_recording(folder, gps=given.gps)
-            for name, video in changed(recording):
-                other = replace(recording, video=video)
-                first = np.unique(video.shown, return_index=True)[1]
-                true = truth_of(recording).world_T_camera[video.shown[first]]
-                for seed in range(given.seeds):
-                    offline = vgps.smooth(other, vgps.Config(seed=seed)).world_T_camera
-                    live = np.array([one.global_T_camera for one in run_live(other, seed).estimates])
-                    for mode, poses in (("offline", offline), ("live", live)):
-                        row = pose_errors(poses[first], true)
-                        results.add(recording=folder.name, video=name, seed=seed, mode=mode, **row)
-                        table.add(folder.name, name, f"{seed}", mode, *row.values())
+        video = ChangedVideo(recording.video, shown, at_s, change)
+        picture, first = np.unique(shown, return_index=True)
+        yield Case(name, replace(recording, video=video), first, true[picture])
 
 
 if __name__ == "__main__":
-    main()
+    print_both_ways("experiments.changed_videos", __doc__, "video", "gps_float.nmea", cases)

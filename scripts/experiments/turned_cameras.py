@@ -7,19 +7,13 @@ came.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-import vgps
-from scripts.common.command import ScriptParser, add_seeds
-from scripts.common.live_runs import run_live, truth_of
-from scripts.common.markdown import LiveTable
-from scripts.common.pose_errors import pose_errors
+from scripts.common.both_ways import Case, print_both_ways
 from vgps.model import Camera, FloatArray, Frame, Recording
 from vgps.readers.video.derived_video import DerivedVideo
 
-COLUMNS = ["recording", "turned by", "seed", "", "mean [m]", "largest", "rotation [degrees]", "largest"]
 CLOCKWISE = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # camera_R_upright of a quarter
 
 
@@ -79,32 +73,12 @@ def _turned_camera(camera: Camera) -> Camera:
     )
 
 
-def main() -> None:
-    """Print a markdown table, two rows per recording, turn and seed."""
-    parser = ScriptParser("experiments.turned_cameras", __doc__)
-    parser.add_argument("recordings", nargs="+", type=Path, help="with truth, of a pinhole camera")
-    parser.add_argument("--gps", default="gps_fix.nmea", help="log in the recordings")
-    add_seeds(parser, 1)
-    given = parser.parse_args()
-    table = LiveTable(*COLUMNS)
-    with parser.refusals():
-        results = parser.results(given)
-        for folder in given.recordings:
-            upright = vgps.open_recording(folder, gps=given.gps)
-            for quarters in range(4):
-                recording = turned(upright, quarters)
-                true = turned_poses(truth_of(upright).world_T_camera, quarters)
-                for seed in range(given.seeds):
-                    offline = vgps.smooth(recording, vgps.Config(seed=seed)).world_T_camera
-                    live = np.array([one.global_T_camera for one in run_live(recording, seed).estimates])
-                    for name, poses in (("offline", offline), ("live", live)):
-                        row = pose_errors(poses, true[: len(poses)])
-                        results.add(
-                            recording=folder.name, turned_deg=90 * quarters, seed=seed, mode=name, **row
-                        )
-                        numbers = (f"{value:.3f}" for value in row.values())
-                        table.add(folder.name, f"{90 * quarters}", f"{seed}", name, *numbers)
+def cases(upright: Recording, true: FloatArray) -> Iterator[Case]:
+    """Yield a recording turned by each number of quarters, in degrees; true poses are (F, 4, 4)."""
+    for quarters in range(4):
+        frame, poses = np.arange(len(true)), turned_poses(true, quarters)
+        yield Case(90 * quarters, turned(upright, quarters), frame, poses)
 
 
 if __name__ == "__main__":
-    main()
+    print_both_ways("experiments.turned_cameras", __doc__, "turned_deg", "gps_fix.nmea", cases)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vgps
-from scripts.experiments.changed_videos import ChangedVideo, as_it_is, changed, converted, exposed, missing
+from scripts.experiments.changed_videos import ChangedVideo, as_it_is, cases, converted, exposed, missing
 
 T_S = 0.1 * np.arange(20)
 
@@ -45,8 +45,14 @@ def test_an_exposure_jumps_in_turns():
     ]
 
 
-def test_every_change_has_as_many_pictures_as_times(recording):
+def test_the_first_frames_to_show_a_picture_count(recording):
     opened = vgps.open_recording(recording)
-    for name, video in changed(opened):
-        first = next(video.frames())
-        assert name and len(video.shown) == len(video.times_s) and first.gray.shape[0] == video.height
+    true = np.tile(np.eye(4), (len(opened.video.times_s), 1, 1))
+    true[:, 0, 3] = np.arange(len(true))
+    for case in cases(opened, true):
+        video = case.recording.video
+        assert len(video.shown) == len(video.times_s)
+        assert case.true[:, 0, 3].tolist() == sorted(set(video.shown.tolist()))
+        assert (video.shown[case.frame] == case.true[:, 0, 3]).all()
+        late = video.times_s[case.frame] - opened.video.times_s[video.shown[case.frame]]
+        assert late.max() < opened.video.times_s[1]  # no other frame shows it earlier

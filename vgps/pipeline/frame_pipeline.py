@@ -215,8 +215,8 @@ class FramePipeline:
         with self.timer.measure("track"):
             result = self._stages.pose(builder, frame, predicted)
         result = builder.carried(frame, result, predicted, tracking)
-        lost, live, known = result.world_T_camera is None, self._stages.live, self.repeated_frames
-        if repeats := not (lost and live) and builder.shows_repeats(frame, result, tracking, known):
+        lost, live, again = result.world_T_camera is None, self._stages.live, bool(self.repeated_frames)
+        if repeats := not (lost and live) and builder.shows_repeats(frame, result, tracking, again):
             self._discard_repeats(builder, lost)
         if result.world_T_camera is None:
             self._grow_following_map(frame)

@@ -1,6 +1,6 @@
 """A map under construction: its newest view, frames without a view, gaps, and when stage C is due."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import gtsam
@@ -124,7 +124,7 @@ class MapBuilder:
         return float(np.median(moved)) if len(moved) else np.nan
 
     def shows_repeats(
-        self, frame: Frame, result: TrackingResult, config: TrackingConfig, known: Collection[int] = ()
+        self, frame: Frame, result: TrackingResult, config: TrackingConfig, again: bool = False
     ) -> bool:
         """Return whether frames since the newest view repeat its picture, by the frame after them.
 
@@ -135,21 +135,21 @@ class MapBuilder:
             frame: The frame after them.
             result: Of stage A for this frame.
             config: The motion of a frame that stands.
-            known: Frames before that repeat a picture.
+            again: Whether the video has repeated pictures before.
         """
         if not self._same_picture():
             return False
         step_px = self.speed_px_s * (frame.t_s - float(self.local_map.t_s[-1]))
-        steps = _LEAP_AGAIN if known else _LEAP
+        steps = _LEAP_AGAIN if again else _LEAP
         leapt = self._moved_px(result) > max(_LEAST_LEAP_PX, config.static_px, steps * step_px)
         return (leapt and step_px > 0.0) or (self.started and result.world_T_camera is None)
 
     def ends_in_repeats(self, config: TrackingConfig) -> bool:
         """Return whether the last frames repeat a picture of a camera that moved, in a video that did so."""
-        first = int(self.local_map.view_frames[-1]) + 1 - self.local_map.first_frame
         if not self._same_picture():
             return False
-        step_px = self.speed_px_s * float(self.local_map.t_s[first] - self.local_map.t_s[first - 1])
+        first = int(self.local_map.view_frames[-1]) + 1 - self.local_map.first_frame
+        step_px = self.speed_px_s * (float(self.local_map.t_s[first]) - self.view_s)
         return step_px > max(_LEAST_LEAP_PX, config.static_px)
 
     def _same_picture(self) -> bool:

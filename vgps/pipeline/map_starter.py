@@ -58,8 +58,8 @@ class MapStarter:
         result = self._tracker.follow(local_map, builder.view_image, frame, rotation)
         if result.found.sum() < config.start.min_inliers:
             return self._first_view(frame)
-        known = local_map.bridged  # nothing else is bridged before a map starts
-        if builder.shows_repeats(frame, result, config.tracking, known):
+        again = bool(local_map.bridged)  # nothing else is bridged before a map starts
+        if builder.shows_repeats(frame, result, config.tracking, again):
             builder.bridge(builder.discard_repeats(), frame.t_s)
         if not builder.extend(frame, result, config.tracking, self._retention):
             return builder

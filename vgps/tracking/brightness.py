@@ -1,7 +1,7 @@
 """Pictures as bright as each other: Lucas and Kanade's method takes gray values to stay as they are.
 
-They do not where an exposure follows a tunnel, the sun or headlights. From 1.6 times the brightness on most
-features of a picture were lost.
+They do not where an exposure follows a tunnel, the sun or headlights: a picture of twice the brightness could
+end a map.
 """
 
 import cv2
