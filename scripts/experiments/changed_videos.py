@@ -111,5 +111,10 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         yield Case(name, replace(recording, video=video), first, true[picture])
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Print a markdown table, two rows per recording, change and seed."""
     print_both_ways("experiments.changed_videos", __doc__, "video", "gps_float.nmea", cases)
+
+
+if __name__ == "__main__":
+    main()

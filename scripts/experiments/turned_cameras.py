@@ -80,5 +80,10 @@ def cases(upright: Recording, true: FloatArray) -> Iterator[Case]:
         yield Case(90 * quarters, turned(upright, quarters), frame, poses)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Print a markdown table, two rows per recording, change and seed."""
     print_both_ways("experiments.turned_cameras", __doc__, "turned_deg", "gps_fix.nmea", cases)
+
+
+if __name__ == "__main__":
+    main()
