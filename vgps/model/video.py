@@ -10,12 +10,16 @@ from vgps.model.arrays import BoolArray, FloatArray, GrayImage
 
 @dataclass(frozen=True)
 class Frame:
-    """One decoded frame: index, time [s], its luminance (H, W) uint8, and where it shows the scene (H, W)."""
+    """One decoded frame: index, time [s], its luminance (H, W) uint8, and where it shows the scene (H, W).
+
+    ``repeats`` says that it is known to show the picture of the frame before it again.
+    """
 
     index: int
     t_s: float
     gray: GrayImage
     mask: BoolArray | None = None
+    repeats: bool = False
 
 
 class Masks(Protocol):

@@ -1,45 +1,22 @@
 """Other cameras of a rig: their videos on the clock of the recording's own."""
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from vgps.errors import CalibrationError, RecordingError, VideoError
-from vgps.model import FloatArray, Frame, Recording, RigCamera, Video
+from vgps.model import Recording, RigCamera, Video
 from vgps.readers.calibration.projection_checks import CUT_A_VIEW
 from vgps.readers.calibration.rig_file import CameraFields, RigFields
 from vgps.readers.calibration.yaml_fields import read_fields
 from vgps.readers.gopro.lens import with_readout
 from vgps.readers.gopro.stabilisation import is_stabilised
 from vgps.readers.sources import Source, opened, telemetry_of
-from vgps.readers.video.derived_video import DerivedVideo
 from vgps.readers.video.masks import MASKS, MaskFolder
+from vgps.readers.video.retimed_video import RetimedVideo
 from vgps.readers.views.view import ViewVideo
 from vgps.readers.views.wide_pictures import Lens, front_of, read_lens, views_on_rig
-
-
-@dataclass(frozen=True)
-class LaterVideo(DerivedVideo):
-    """A video that starts later than the clock, or earlier if ``later_s`` is negative."""
-
-    later_s: float
-
-    @property
-    def times_s(self) -> FloatArray:
-        """(F,) times of the frames."""
-        return self.video.times_s + self.later_s
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the reader found."""
-        return getattr(self.video, "warnings", ())
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield all frames in order of presentation."""
-        return (replace(frame, t_s=frame.t_s + self.later_s) for frame in self.video.frames())
 
 
 def open_cameras(rig_file: Path, video: Source, lens: Lens | None) -> tuple[RigCamera, ...]:
@@ -112,7 +89,8 @@ def _opened(fields: CameraFields, rig_file: Path, reference: Source, shared: Len
     source = opened(file)
     _check_rigid(source)
     lens = _lens(fields, rig_file, source, shared)
-    video: Video = LaterVideo(source, fields.time_offset_s) if fields.time_offset_s else source
+    later_s = fields.time_offset_s
+    video: Video = RetimedVideo(source, source.times_s + later_s) if later_s else source
     first_s, last_s = reference.times_s[[0, -1]]
     if not np.any((video.times_s >= first_s) & (video.times_s <= last_s)):
         raise RecordingError(

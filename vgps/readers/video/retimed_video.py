@@ -1,0 +1,36 @@
+"""A video at other times."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from vgps.model import BoolArray, FloatArray, Frame
+from vgps.readers.video.derived_video import DerivedVideo
+
+
+@dataclass(frozen=True)
+class RetimedVideo(DerivedVideo):
+    """A video whose frames have other times.
+
+    Attributes:
+        at_s: (F,) the times, strictly increasing.
+        repeats: (F,) which frames are known to repeat the picture before them; None if none is.
+    """
+
+    at_s: FloatArray
+    repeats: BoolArray | None = None
+
+    @property
+    def times_s(self) -> FloatArray:
+        """(F,) times of the frames."""
+        return self.at_s
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the reader found."""
+        return getattr(self.video, "warnings", ())
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield all frames in order of presentation."""
+        for frame in self.video.frames():
+            repeats = frame.repeats if self.repeats is None else bool(self.repeats[frame.index])
+            yield replace(frame, t_s=float(self.at_s[frame.index]), repeats=repeats)
