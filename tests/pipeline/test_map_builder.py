@@ -179,6 +179,32 @@ def test_a_camera_that_goes_on_from_where_it_was_stood():
     assert [motion.frame for motion in shown_again(5.0).zero_motions] == [2, 3, 4]
 
 
+def one_stays(speed_px_s, last_px, repeats=False):
+    """A map whose picture stays for a single frame, or is known to repeat, between two steps."""
+    made = builder(pose(0.0), pose(0.5))
+    made.speed_px_s = speed_px_s
+    still = result((0.0,) * 3, world_T_camera=pose(0.5), pose_sigma=np.ones(6))
+    made.extend(Frame(2, 0.2, image(), repeats=repeats), still, CONFIG, None)
+    after = result((last_px,) * 3, world_T_camera=pose(1.0), pose_sigma=np.ones(6))
+    return made.shows_repeats(Frame(3, 0.3, image()), after, CONFIG)
+
+
+def test_nothing_stands_for_a_single_frame_between_two_that_move():
+    """As in videos that were converted from 20 to 30 frames a second: each step is as large as before."""
+    assert one_stays(20.0, 2.0) and one_stays(15.0, 1.2)
+    assert not one_stays(8.0, 1.2)  # it had nearly stopped
+    assert not one_stays(15.0, 0.7)  # it hardly moves again
+    assert not one_stays(40.0, 1.9)
+
+
+def test_what_is_known_to_repeat_does_however_slowly_the_camera_moves():
+    assert not one_stays(3.0, 0.5) and one_stays(3.0, 0.5, repeats=True)
+    made = builder(pose(0.0), pose(0.5))
+    still = result((0.0,) * 3, world_T_camera=pose(0.5), pose_sigma=np.ones(6))
+    made.extend(Frame(2, 0.2, image(), repeats=True), still, CONFIG, None)
+    assert not made.shows_repeats(Frame(3, 0.3, image(), repeats=True), still, CONFIG)
+
+
 def test_a_camera_that_creeps_is_where_its_features_say():
     local_map = shown_again(20.0, (0.1, 0.1, 0.1))
     assert not local_map.bridged and len(local_map.zero_motions) == 3

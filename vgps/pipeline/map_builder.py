@@ -29,6 +29,7 @@ _LONGEST_PREDICTION = 1.5  # frame intervals; after a longer gap the last pose i
 _SAME_PICTURE_PX = 0.05  # features of the same picture, encoded again, move by less
 _LEAP = 1.5  # steps at the speed before: one that stood goes on by one at most, after a repeat it is two
 _LEAP_AGAIN = 0.5  # in a video that has repeated pictures: a camera that brakes hard goes less than two steps
+_LEAST_STEP_PX = 1.0  # before and after a single frame, in which no camera stops and starts again
 _LEAST_LEAP_PX = 2.0  # more than a vehicle moves in the first frame of a start
 _LONGEST_CARRIED_S = 0.5  # at constant velocity: an acceleration of 1 m/s^2 makes 0.1 m of it
 
@@ -50,6 +51,7 @@ class MapBuilder:
         unmapped: The newest view and its result, if stage B has not run on it.
         speed_px_s: Speed of the median feature between the last two views; NaN before there are two.
         largest_motion_px: Of the median feature since the newest view, in frames that add no view.
+        known_repeats: Number of newest frames that are known to repeat a picture.
     """
 
     local_map: LocalMap
@@ -64,6 +66,7 @@ class MapBuilder:
     unmapped: tuple[Frame, TrackingResult] | None = None
     speed_px_s: float = np.nan
     largest_motion_px: float = 0.0
+    known_repeats: int = 0
 
     @property
     def view_s(self) -> float:
@@ -89,6 +92,7 @@ class MapBuilder:
             Whether it became a view; a frame that stands is constrained to the newest one instead.
         """
         self.add_pose(frame.t_s, _UNKNOWN if result.world_T_camera is None else result.world_T_camera)
+        self.known_repeats = self.known_repeats + 1 if frame.repeats else 0
         if self._stands(frame, result, config, retention):
             self.largest_motion_px = max(self.largest_motion_px, self._moved_px(result))
             self.add_zero_motion(frame.index, result)
@@ -129,7 +133,7 @@ class MapBuilder:
         """Return whether frames since the newest view repeat its picture, by the frame after them.
 
         Nothing moves in them, and this frame is further from the view than one step, or lost: a camera that
-        stood would go on from where it was.
+        stood would go on from where it was. Nothing stands for a single frame between two that move.
 
         Args:
             frame: The frame after them.
@@ -137,12 +141,17 @@ class MapBuilder:
             config: The motion of a frame that stands.
             again: Whether the video has repeated pictures before.
         """
-        if not self._same_picture():
+        if frame.repeats or not self._same_picture():
             return False
+        count = self.local_map.next_frame - 1 - int(self.local_map.view_frames[-1])
+        if self.known_repeats == count:
+            return True
         step_px = self.speed_px_s * (frame.t_s - float(self.local_map.t_s[-1]))
-        steps = _LEAP_AGAIN if again else _LEAP
-        leapt = self._moved_px(result) > max(_LEAST_LEAP_PX, config.static_px, steps * step_px)
-        return (leapt and step_px > 0.0) or (self.started and result.world_T_camera is None)
+        single = count == 1 and step_px > _LEAST_STEP_PX
+        least_px = max(_LEAST_STEP_PX if single else _LEAST_LEAP_PX, config.static_px)
+        steps = _LEAP_AGAIN if again or single else _LEAP
+        leapt = step_px > 0.0 and self._moved_px(result) > max(least_px, steps * step_px)
+        return leapt or (self.started and result.world_T_camera is None)
 
     def ends_in_repeats(self, config: TrackingConfig) -> bool:
         """Return whether the last frames repeat a picture of a camera that moved, in a video that did so."""
