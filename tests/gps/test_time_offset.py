@@ -19,6 +19,7 @@ from vgps.gps.time_offset import (
     min_gain,
     model_average,
     update_time_offset,
+    with_frame_time_error,
 )
 
 BELIEVED = TimeOffset(0.0, 0.5)
@@ -338,3 +339,28 @@ def test_fixes_of_one_class_are_compared_whatever_the_receiver_states():
     classes = np.arange(len(fixes)) % 2
     none = by_differences(trajectory(path(T_S)), replace(fixes, fix_class=classes), NONE, BELIEVED)
     assert none == BELIEVED
+
+
+def late_frames(fixes, sensors=SENSORS, **settings):
+    config = SensorsConfig(**{"frame_time_sigma_s": 0.02} | settings)
+    return with_frame_time_error(sensors, trajectory(path(T_S)), fixes, config)
+
+
+def test_frame_times_that_err_alike_are_known_better_by_displacements():
+    """A share of what these say, by both variances; here they know it to 0.1 s, and 5 ms."""
+    little, much = (late_frames(late(0.02, error)) for error in (wander(0), 1e-3 * wander(0)))
+    assert little.late_frames and much.late_frames
+    assert 0.015 < little.prior_time_offset.sigma_s < 0.02 and abs(little.time_offset_s) < 0.02
+    assert 0.003 < much.prior_time_offset.sigma_s < 0.006
+    assert much.time_offset_s == much.prior_time_offset.time_offset_s == pytest.approx(0.02, abs=0.003)
+
+
+def test_frame_times_that_err_alike_are_as_uncertain_as_they_are_where_fixes_say_nothing():
+    for found in (late_frames(Fixes.empty()), late_frames(late(0.02), estimate_time_offset="no")):
+        assert found.late_frames and found.prior_time_offset == TimeOffset(0.0, 0.02)
+
+
+def test_frames_on_time_and_clocks_that_differ_are_left_alone():
+    assert late_frames(late(0.02), frame_time_sigma_s=0.0) is SENSORS
+    other = SENSORS.with_time_offset(TimeOffset(0.4, 0.03))
+    assert late_frames(late(0.4), other) is other

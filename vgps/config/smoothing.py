@@ -109,6 +109,9 @@ class SensorsConfig(SettingsModel):
     trusted_time_offset_s: PositiveFloat = 0.02
     """auto: standard deviation to which clocks agree where nothing is wrong (exposure, rounded time
     stamps)."""
+    frame_time_sigma_s: NonNegativeFloat = 0.0
+    """Standard deviation of an error that all frame times share, such as that of a converted video; it is
+    estimated with the poses."""
     clock_rate: float = Field(default=0.0, gt=-0.1, lt=0.1)
     """Known rate of the clocks: the time offset grows by this in each second from the first frame on, such as
     0.001 where a video of 29.97 frames a second was taken for one of 30."""

@@ -103,18 +103,10 @@ def likelier_time_offset(
     Args:
         sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
     """
-    prior = TimeOffset.from_config(config)
-    pairs = neighbour_pairs(
-        path, spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
-    )
-    found = without_prior(best_time_offset(pairs, prior), prior)
-    gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
-    if gain <= 0.0 or pairs.degrees_of_freedom < 1:
+    prior, found = TimeOffset.from_config(config), _shown(sensors, path, fixes, config)
+    if found is None:
         return sensors, ()
-    # a sigma from few pairs is itself uncertain: what the fixes prefer counts, by Student's t
-    sigmas = -float(ndtri(stdtr(pairs.degrees_of_freedom, -np.sqrt(gain))))
-    sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
-    likely, probability = model_average(replace(found, sigma_s=sigma_s), prior, config.trusted_time_offset_s)
+    likely, probability = model_average(found, prior, config.trusted_time_offset_s)
     shift_m = path.length_m / float(np.ptp(path.t_s)) * abs(likely.time_offset_s - prior.time_offset_s)
     clear = likely.sigma_s <= config.time_offset.shown_share * prior.sigma_s
     if not (probability >= 0.5 and clear):
@@ -164,6 +156,43 @@ def without_prior(found: TimeOffset, prior: TimeOffset) -> TimeOffset:
     information = max(found.sigma_s**-2 - prior.sigma_s**-2, _NO_INFORMATION)
     change = (found.time_offset_s - prior.time_offset_s) * found.sigma_s**-2 / information
     return TimeOffset(prior.time_offset_s + change, information**-0.5)
+
+
+def with_frame_time_error(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig) -> Sensors:
+    """Return sensors with the prior of an error that all frame times share, unless clocks differ anyway.
+
+    Poses that were held to wrong times have bent to the fixes and show but a part of it, so that they begin
+    at what displacements say.
+
+    Args:
+        sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
+    """
+    if not config.frame_time_sigma_s or sensors.prior_time_offset.sigma_s:
+        return sensors
+    late = TimeOffset(config.time_offset_s, config.frame_time_sigma_s)
+    if (shown := _shown(sensors, path, fixes, config)) is not None:
+        share = late.sigma_s**2 / (late.sigma_s**2 + shown.sigma_s**2)
+        moved_s = share * (shown.time_offset_s - late.time_offset_s)
+        late = TimeOffset(late.time_offset_s + moved_s, float(np.sqrt(share)) * shown.sigma_s)
+    return sensors.with_late_frames(late)
+
+
+def _shown(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig) -> TimeOffset | None:
+    """Return what fixes alone say of the time offset; None if none is likelier than that of the prior."""
+    prior = TimeOffset.from_config(config)
+    if not prior.sigma_s:
+        return None
+    pairs = neighbour_pairs(
+        path, spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
+    )
+    found = without_prior(best_time_offset(pairs, prior), prior)
+    gain = pairs.gain(found.time_offset_s, prior.time_offset_s)
+    if gain <= 0.0 or pairs.degrees_of_freedom < 1:
+        return None
+    # a sigma from few pairs is itself uncertain: what the fixes prefer counts, by Student's t
+    sigmas = -float(ndtri(stdtr(pairs.degrees_of_freedom, -np.sqrt(gain))))
+    sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
+    return replace(found, sigma_s=sigma_s)
 
 
 def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float) -> float:

@@ -19,7 +19,7 @@ from vgps.gps.clock_search import (
 )
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.gps.time_offset import estimate_time_offset
+from vgps.gps.time_offset import estimate_time_offset, with_frame_time_error
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.camera_refinement import moved_far, with_settled_camera
 from vgps.pipeline.front_end import FrontEnd, run_front_end
@@ -228,6 +228,8 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     found, notes = estimate_time_offset(sensors, path, steady, config)
     if shows_no_time_offset(video, steady, sensors.camera_p_antenna, settings):
         found = replace(found, by_displacements=TimeOffset.from_config(settings))
+    else:
+        found = with_frame_time_error(found, path, steady, settings)
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
 
 

@@ -71,14 +71,15 @@ def test_what_displacements_showed_by_chance_is_taken_back():
     assert error < 0.01
 
 
-def trial(monkeypatch, shown, sensors=HELD, good=4):
+def trial(monkeypatch, shown, sensors=HELD, good=4, **clock):
     """Return the sensors that follow, and those tried, where the poses show one time offset after another;
     of four fixes so many are RTK-fixes."""
+    config = Config.model_validate({"sensors": clock})
     in_turn = iter(shown)
     fix_class = [CLASSES.index(FixClass.RTK_FIX)] * good + [CLASSES.index(FixClass.SINGLE)] * (4 - good)
     fixes = SimpleNamespace(used=np.ones(4, dtype=bool), fix_class=np.array(fix_class))
     end = SimpleNamespace(problem=SimpleNamespace(shared={TIME_OFFSET: np.array([0.01])}))
-    solved = SimpleNamespace(given=SimpleNamespace(context=context(Config()), fixes=fixes), result=end)
+    solved = SimpleNamespace(given=SimpleNamespace(context=context(config), fixes=fixes), result=end)
     monkeypatch.setattr(clock_check, "_shown", lambda *_: next(in_turn))
     again = []
 
@@ -290,6 +291,40 @@ def test_what_is_unknown_of_a_held_time_offset_is_in_the_standard_deviations():
     added = [np.trace(one.covariance[:, 3:, 3:].mean(axis=0)) for one in (unknown, known)]
     assert unknown.sensors.held_sigma_s > 0.0 == known.sensors.held_sigma_s
     assert added[0] - added[1] == pytest.approx((unknown.sensors.held_sigma_s * speed_m_s) ** 2, rel=0.3)
+
+
+LATE = HELD.with_late_frames(TimeOffset(0.004, 0.01))
+
+
+@pytest.mark.parametrize(("good", "prior"), [(4, TimeOffset(0.0, 0.02)), (2, TimeOffset(0.004, 0.01))])
+def test_what_frames_may_be_late_by_is_estimated_where_clocks_agree(monkeypatch, good, prior):
+    """Poses of RTK-fixes compare displacements again. What else may be unknown is less."""
+    monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.015)
+    after, again = trial(monkeypatch, [TimeOffset(0.005, 0.01)], LATE, good, frame_time_sigma_s=0.02)
+    assert plain(after) == plain(replace(LATE, prior_time_offset=prior, shown_by_poses=True)) and not again
+
+
+def test_what_is_unknown_of_the_clock_comes_on_top_of_what_frames_may_be_late_by(monkeypatch):
+    monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.3)
+    after, _ = trial(monkeypatch, [TimeOffset(0.005, 0.1)], LATE, frame_time_sigma_s=0.02)
+    assert after.held_sigma_s == 0.3 and after.prior_time_offset == TimeOffset(0.0, 0.02)
+
+
+def test_clocks_that_differ_are_found_whether_or_not_frames_are_late(monkeypatch):
+    shown = [TimeOffset(0.07, 0.02), TimeOffset(0.14, 0.04)]
+    after, again = trial(monkeypatch, shown, LATE, frame_time_sigma_s=0.02)
+    assert plain(after) == plain(again[0]) and after.time_offset_s == 0.07 and not after.late_frames
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("late_s", [0.02, -0.015])
+def test_what_frames_are_late_by_is_found_within_its_sigma(late_s):
+    """As if the clocks of a converted video agreed: their poses are held to nothing."""
+    config = settings(sensors={"frame_time_sigma_s": 0.02})
+    found, error = result(late_s, HELD.with_late_frames(TimeOffset(0.0, 0.02)), config)
+    assert found.sensors.time_offset_s == pytest.approx(late_s, abs=3.0 * found.time_offset_sigma_s[0])
+    assert found.time_offset_sigma_s[0] < 0.01
+    assert error < 0.5 * result(late_s, config=settings(sensors={"estimate_time_offset": "no"}))[1]
 
 
 @pytest.mark.slow

@@ -209,7 +209,8 @@ def _variance_factor(
 def _clock_errors(solved: BatchSolution, sensors: Sensors) -> FloatArray:
     """Return how far (C, F, 3) the camera moves within a standard deviation of what was held of a clock."""
     estimated = solved.given.sensors.prior_time_offset.sigma_s > 0.0
-    offset_s = 0.0 if estimated else sensors.prior_time_offset.sigma_s or sensors.held_sigma_s
+    prior_s = 0.0 if estimated else sensors.prior_time_offset.sigma_s
+    offset_s = prior_s or sensors.held_sigma_s
     position, t_s = solved.result.problem.world_T_camera[:, :3, 3], solved.given.scene.t_s
     if len(t_s) < 2:
         return np.zeros((0, *position.shape))

@@ -46,11 +46,29 @@ def with_shown_clock(
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
     of what those leave open: what a solution there costs more decides how much is unknown.
 
+    Where none is assumed but for an error that all frame times share, that is estimated with the poses.
+
     Args:
         sensors: Before the round.
         solved: The round, with the time offset held.
         solve: Solves it with other sensors.
     """
+    if not sensors.late_frames:
+        return _decided(sensors, solved, solve)
+    settings, late = solved.given.context.config.sensors, sensors.prior_time_offset
+    decided, solved = _decided(sensors.holding_time_offset(), solved, solve)
+    if decided.prior_time_offset.sigma_s:
+        return decided, solved
+    if _rtk_fix_share(solved) > _MOSTLY:  # poses compare what displacements have shown again
+        late = TimeOffset(settings.time_offset_s, settings.frame_time_sigma_s)
+    unknown_s = decided.held_sigma_s if decided.held_sigma_s > settings.frame_time_sigma_s else 0.0
+    return replace(sensors, prior_time_offset=late, shown_by_poses=True, held_sigma_s=unknown_s), solved
+
+
+def _decided(
+    sensors: Sensors, solved: BatchSolution, solve: Callable[[Sensors], BatchSolution]
+) -> tuple[Sensors, BatchSolution]:
+    """Return what :func:`with_shown_clock` does, of frames whose times are right."""
     config = solved.given.context.config
     settings, used = config.sensors, solved.given.fixes.used
     if not (settings.time_offset_prior_s and config.gps.has_memory and used.any()):
