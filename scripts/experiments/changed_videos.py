@@ -79,10 +79,28 @@ def converted(t_s: FloatArray, factor: float) -> Order:
     return np.searchsorted(t_s, at_s + 1e-6, side="right") - 1, at_s
 
 
+def nearest(t_s: FloatArray, factor: float) -> Order:
+    """Return the same if each picture is first shown by the frame nearest to it."""
+    at_s = np.arange(t_s[0], t_s[-1], frame_s := float(np.median(np.diff(t_s))) / factor)
+    from_s = t_s[0] + np.round((t_s - t_s[0]) / frame_s) * frame_s
+    return np.searchsorted(from_s, at_s + 1e-6, side="right") - 1, at_s
+
+
+def closest(t_s: FloatArray, factor: float) -> Order:
+    """Return the same if each frame shows the closest picture, even one to come."""
+    at_s = converted(t_s, factor)[1]
+    return np.abs(at_s[:, None] - t_s).argmin(axis=1), at_s
+
+
 def missing(t_s: FloatArray, share: float) -> Order:
     """Return pictures and times of a video that lost a share of its frames."""
     kept = np.flatnonzero(np.random.default_rng(0).random(len(t_s)) >= share)
     return kept, t_s[kept]
+
+
+def shown_at(recording: Recording, order: Order, change: Change = as_it_is) -> Recording:
+    """Return a recording with pictures at other times, changed."""
+    return replace(recording, video=ChangedVideo(recording.video, *order, change))
 
 
 def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
@@ -102,13 +120,14 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         ("every picture twice", converted(t_s, 2.0), as_it_is),
         ("1.5 times the frames", converted(t_s, 1.5), as_it_is),
         ("2.5 times the frames", converted(t_s, 2.5), as_it_is),
+        ("1.5 times, from the nearest frame on", nearest(t_s, 1.5), as_it_is),
+        ("1.5 times, the closest picture", closest(t_s, 1.5), as_it_is),
         ("three of ten frames missing", missing(t_s, 0.3), as_it_is),
         ("noise of 15 gray values", order, noisy(15.0)),
         ("blur of 3 px", order, blurred(3.0)),
     ):
-        video = ChangedVideo(recording.video, shown, at_s, change)
         picture, first = np.unique(shown, return_index=True)
-        yield Case(name, replace(recording, video=video), first, true[picture])
+        yield Case(name, shown_at(recording, (shown, at_s), change), first, true[picture])
 
 
 def main() -> None:

@@ -170,6 +170,8 @@ def test_a_run_that_does_not_fit_is_refused(wall: WallRun) -> None:
         wall, t_s=solution.t_s[:-1]
     )
     assert "other frame times" in complaint(wall, t_s=solution.t_s * 1.1)
+    frame_s = solution.t_s[1] - solution.t_s[0]
+    built(replace(wall, solution=replace(solution, t_s=solution.t_s + 0.4 * frame_s)))  # a converted video
     wide = replace(solution.camera, width=640)
     assert "it has 320 x 240 pixels" in complaint(wall, camera=wide)
     vague = replace(solution.landmarks, sigma_px=np.full(150, 5.0))

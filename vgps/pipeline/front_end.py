@@ -47,6 +47,7 @@ class FrontEnd:
         controls: Observations of control points.
         static_regions, moving_regions: (n, 6) as in :class:`~vgps.solution.Solution`.
         warnings: Warnings for the user.
+        repeated_frames: (n,) frames that repeat the picture before them while the camera moves on.
         seconds: Wall seconds by stage.
         others: Maps of the other cameras of a rig.
         journal: Where stage D keeps its long steps.
@@ -64,6 +65,7 @@ class FrontEnd:
     static_regions: IntArray
     moving_regions: IntArray
     warnings: tuple[str, ...]
+    repeated_frames: IntArray
     seconds: Mapping[str, float]
     others: tuple[CameraMaps, ...] = ()
     journal: Journal | None = None
@@ -204,6 +206,7 @@ def front_end_of(
             *_failures(frame_pipeline),
             *_unused(recording.camera),
         ),
+        repeated_frames=np.array(frame_pipeline.repeated_frames, int),
         seconds=dict(frame_pipeline.timer.by_stage),
     )
 

@@ -14,6 +14,7 @@ from vgps.pipeline.airborne import with_airborne
 from vgps.pipeline.camera_height import tie_to_ground, with_camera_height
 from vgps.pipeline.camera_refinement import moved_far, with_camera, with_found_camera, with_held_guess
 from vgps.pipeline.checkpoint import Checkpoint
+from vgps.pipeline.even_times import with_even_times
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_gps_clock, with_right_clock
 from vgps.pipeline.gyro_agreement import with_gyro_focal, with_gyro_note
@@ -113,11 +114,12 @@ def _smoothed(
                 return rolling
         return _smoothed(run, progress)
     journal = None if checkpoint is None else checkpoint.journal
+    front_end, config = with_even_times(front_end, config, progress)
     front_end = with_inertial_start(replace(front_end, journal=journal), config, progress)
     front_end, config = with_right_clock(front_end, config, progress)
     front_end, config = with_right_roll(front_end, config, progress)
     recording = front_end.recording
-    if config is not run.config or recording.camera is not run.recording.camera:
+    if config is not run.config or recording.camera is not run.recording.camera:  # or has even times
         run = _Run(recording, config)
     found = imu_agreement(front_end, config, progress)
     if found.misled and found.contradiction is None:

@@ -1,0 +1,112 @@
+"""Videos that were converted to another frame rate: pure patterns, and a real recording."""
+
+import numpy as np
+import pytest
+from brief_videos import first_frames
+from fewer_features import fewer_features
+from hypothesis import given
+from hypothesis import strategies as st
+
+import vgps
+from scripts.experiments.changed_videos import closest, converted, nearest, shown_at
+from vgps.pipeline.even_times import even_times, with_even_times
+from vgps.pipeline.front_end import run_front_end
+from vgps.readers.trajectory import read_trajectory
+from vgps.runtime.progress import NoProgress
+
+
+def repeats_of(shown):
+    return np.diff(shown, prepend=-1) == 0
+
+
+@pytest.mark.parametrize("convert", [converted, nearest, closest])
+@pytest.mark.parametrize(("pictures_hz", "frames_hz"), [(25, 30), (24, 30), (10, 15), (10, 27), (24, 60)])
+def test_pictures_of_a_converted_video_are_evenly_spaced_again(convert, pictures_hz, frames_hz):
+    """All are late by the same: by half a frame at most, or half of what a picture lasts longer than one."""
+    picture_s = np.arange(200) / pictures_hz
+    shown, at_s = convert(picture_s, frames_hz / pictures_hz)
+    repeats = repeats_of(shown)
+    found_s, even = even_times(at_s, repeats, np.ones(len(at_s), bool))
+    first = np.flatnonzero(~repeats)
+    late_s = found_s[first] - picture_s[shown[first]]
+    assert even[first].all() and not even[repeats].any()
+    assert np.ptp(late_s) < 1e-3 / frames_hz
+    assert np.abs(late_s).max() <= 0.5 / min(frames_hz, 1.0 / (1.0 / pictures_hz - 1.0 / frames_hz)) + 1e-9
+    assert np.ptp(at_s[first] - picture_s[shown[first]]) > 0.4 / frames_hz
+    assert np.diff(found_s).min() > 0.2 / frames_hz
+
+
+def test_pictures_of_a_recorder_that_hangs_now_and_then_keep_their_times():
+    rng = np.random.default_rng(0)
+    at_s, repeats = np.arange(900) / 30.0, np.zeros(900, bool)
+    repeats[rng.choice(np.arange(1, 900), 40, replace=False)] = True
+    found_s, even = even_times(at_s, repeats, np.ones(900, bool))
+    np.testing.assert_array_equal(found_s, at_s)
+    assert not even.any()
+
+
+def test_where_a_camera_stands_times_stay():
+    """Nobody knows which frames of a stop repeat a picture. Pictures before and after it are even."""
+    shown, at_s = converted(np.arange(300) / 25.0, 1.2)
+    repeats = repeats_of(shown)
+    known = (at_s < 4.0) | (at_s > 8.0)
+    found_s, even = even_times(at_s, repeats & known, known)
+    np.testing.assert_array_equal(found_s[~known], at_s[~known])
+    assert even[~repeats & known].all()
+    for part in (at_s < 4.0, at_s > 8.0):
+        np.testing.assert_allclose(np.diff(found_s[~repeats & part]), 0.04, atol=1e-9)
+
+
+def test_where_the_rate_changes_another_stretch_begins():
+    picture_s = np.concatenate([np.arange(110) / 25.0, 4.4 + np.arange(100) / 20.0])
+    shown, at_s = converted(picture_s, 1.2)
+    repeats = repeats_of(shown)
+    found_s, even = even_times(at_s, repeats, np.ones(len(at_s), bool))
+    late_s = (found_s - picture_s[shown])[~repeats]
+    assert even[~repeats].all() and np.abs(late_s).max() < 0.5 / 30.0
+
+
+@given(
+    st.lists(st.tuples(st.booleans(), st.booleans()), min_size=2, max_size=120),
+    st.floats(0.5, 0.95),
+)
+def test_times_increase_and_move_by_half_a_frame_at_most(flags, share):
+    """Whatever repeats; among all others every so many frames do."""
+    repeats, known = np.array(flags).T
+    repeats = (repeats & known) | (np.diff(np.floor(share * np.arange(len(flags))), prepend=-1) == 0)
+    repeats[0] = False
+    at_s = 0.04 * np.arange(len(flags))
+    found_s, even = even_times(at_s, repeats, known | repeats)
+    assert np.diff(found_s).min() > 0.0
+    assert np.abs(found_s - at_s).max() <= 0.02 * (1.0 + 2e-3)
+    np.testing.assert_array_equal(found_s[~even & ~repeats], at_s[~even & ~repeats])
+
+
+@pytest.fixture(scope="module")
+def drive(data_dir):
+    """Its first nine seconds, at ten pictures a second."""
+    return first_frames(vgps.open_recording(data_dir / "kitti07", gps="gps_fix.nmea"), 90)
+
+
+@pytest.mark.slow
+def test_a_converted_video_gives_the_poses_of_its_pictures(drive, data_dir):
+    """At 15 frames a second, each with the newest picture: 0.11 m and a NEES of 8 by its time stamps."""
+    order = converted(drive.video.times_s, 1.5)
+    shown, first = np.unique(order[0], return_index=True)
+    solution = vgps.smooth(shown_at(drive, order), fewer_features(300))
+    true = read_trajectory(data_dir / "kitti07/truth.tum").world_T_camera[shown]
+    error = solution.world_T_camera[first, :3, 3] - true[:, :3, 3]
+    assert np.linalg.norm(error, axis=1).mean() < 0.06
+    assert np.mean(np.sum((error / solution.sigma_position_m[first]) ** 2, axis=1)) < 4.0
+    # before anything has moved nobody knows which frame repeats the first picture
+    np.testing.assert_allclose(np.diff(solution.t_s[first[1:]]), 0.1, atol=2e-3)
+    (told,) = [one for one in solution.warnings if "was converted" in one]
+    assert "shows about 10 pictures a second in 15 frames" in told
+    assert solution.config["sensors"]["frame_time_sigma_s"] == 0.0  # the settings are the user's
+
+
+@pytest.mark.slow
+def test_a_video_as_it_was_recorded_keeps_its_times(drive):
+    config = fewer_features(100)
+    front_end = run_front_end(first_frames(drive, 30), config, NoProgress())
+    assert with_even_times(front_end, config, NoProgress()) == (front_end, config)

@@ -1,0 +1,131 @@
+"""Times of the pictures of a video that was converted to another frame rate.
+
+A converter gives each frame the nearest picture, or the newest. Frames that are the first to show one then
+have times that are off by up to a frame, by turns, and by a part of that in the mean: half a frame is 0.2 m
+at 10 m/s and 25 frames a second. A camera takes pictures at even times, and which frames repeat one tells
+them.
+"""
+
+from bisect import bisect
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import linprog
+
+from vgps.config import Config
+from vgps.errors import GeometryError, GpsLogError
+from vgps.model import BoolArray, FloatArray
+from vgps.pipeline.front_end import FrontEnd, run_front_end
+from vgps.readers.video.retimed_video import RetimedVideo
+from vgps.runtime.progress import Progress
+
+_LEAST_REPEATS = 8  # those of a recorder that hangs now and then are not so many within a frame of a line
+_ROUNDED = 1e-3  # frames by which time stamps are rounded
+_NOTABLE = 0.05  # frames by which times have to be off for another run
+_CLOSE = 0.5  # frames between pictures where even times end
+# Of an interval of pictures, by which all may be late. In the mean a picture is first shown at its time (from
+# the frame nearest to it on), half a frame later (from the one after it), or half of what is between the two
+# intervals earlier (as soon as it is nearer than the picture before).
+_UNKNOWN = 0.25
+_NOTE = (
+    "the video was converted: it shows about {0:.4g} pictures a second in {1:.4g} frames. Their times were "
+    "taken to be even, up to {2:.3f} s from their time stamps, and all to be late by an unknown {3:.3f} s"
+)
+
+
+def with_even_times(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
+    """Return the front end of pictures at even times, if repeats show such, and settings with what is left.
+
+    Rigs of several cameras keep their times.
+
+    Args:
+        front_end: Stages A to C of the video as it is.
+        config: Settings.
+        progress: Progress display.
+    """
+    t_s, repeats = front_end.t_s, np.zeros(len(front_end.t_s), bool)
+    repeats[front_end.repeated_frames] = True
+    if front_end.others or config.sensors.frame_time_sigma_s or not repeats.any():
+        return front_end, config
+    at_s, even = even_times(t_s, repeats, _views(front_end) | repeats)
+    if not even.any():
+        return front_end, config
+    frame_s, picture_s = (float(np.median(np.diff(times_s))) for times_s in (t_s, at_s[even]))
+    sensors = config.sensors.model_copy(update={"frame_time_sigma_s": _UNKNOWN * picture_s})
+    changed = config.model_copy(update={"sensors": sensors})
+    off_s = float(np.abs(at_s - t_s).max())
+    note = _NOTE.format(1.0 / picture_s, 1.0 / frame_s, off_s, sensors.frame_time_sigma_s)
+    recording = replace(front_end.recording, notes=(*front_end.recording.notes, note))
+    if off_s < _NOTABLE * frame_s:
+        return replace(front_end, recording=recording, warnings=(*front_end.warnings, note)), changed
+    progress.stage("again with the pictures at the even times that repeats show")
+    retimed = replace(recording, video=RetimedVideo(recording.video, at_s, repeats))
+    try:
+        return run_front_end(retimed, changed, progress), changed
+    except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
+        return front_end, config
+
+
+def _views(front_end: FrontEnd) -> BoolArray:
+    """Return which frames moved and were tracked (F,): each of them shows a picture of its own."""
+    views = np.zeros(len(front_end.t_s), bool)
+    for one in front_end.maps:
+        frames = one.first_frame + np.arange(len(one.t_s))
+        views[frames] = one.moving & ~np.isin(frames, list(one.bridged))
+    return views
+
+
+def even_times(t_s: FloatArray, repeats: BoolArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """Return times (F,) of frames, strictly increasing, and which (F,) first show pictures at even ones.
+
+    They are even in stretches in which a line is within half a frame of their time stamps, as in a converted
+    video. Others keep theirs, and repeats stay in between.
+
+    Args:
+        t_s: (F,) time stamps.
+        repeats: (F,) whether a frame repeats the picture before it.
+        known: (F,) whether that is known; it is not where a camera stands, or is lost.
+    """
+    at_s, even, frame_s = t_s.copy(), np.zeros(len(t_s), bool), float(np.median(np.diff(t_s)))
+    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0))
+    for first, end in edges.reshape(-1, 2).tolist():
+        # the first picture may have been shown before the stretch
+        lead, rows = np.split(first + np.flatnonzero(~repeats[first:end]), [1])
+        while len(rows):
+            span = rows[: _evenly_spaced(t_s[rows], frame_s)]
+            if span[-1] + 1 - span[0] - len(span) >= _LEAST_REPEATS:
+                line = _on_line(t_s[span])
+                at_s[span], at_s[lead] = line, 2.0 * line[0] - line[1]
+                even[span] = even[lead] = True
+            lead, rows = rows[:0], rows[len(span) :]
+    shown = np.flatnonzero(~repeats)
+    close = np.flatnonzero(np.diff(at_s[shown]) < _CLOSE * frame_s)
+    for ends in (shown[close], shown[close + 1]):
+        at_s[ends] = t_s[ends]
+    at_s[repeats] = t_s[repeats] + np.interp(np.flatnonzero(repeats), shown, (at_s - t_s)[shown])
+    return at_s, even
+
+
+def _evenly_spaced(t_s: FloatArray, frame_s: float) -> int:
+    """Return how many of the first times are within half a frame of a line."""
+
+    def off_s(count: int) -> float:
+        return float(np.abs(t_s[:count] - _on_line(t_s[:count])).max())
+
+    return bisect(range(1, len(t_s) + 1), 0.5 * (1.0 + _ROUNDED) * frame_s, key=off_s)
+
+
+def _on_line(t_s: FloatArray) -> FloatArray:
+    """Return times (n,) on the line whose largest distance from given ones (n,) is the least."""
+    if len(t_s) < 3:
+        return t_s
+    number, since_s = np.linspace(0.0, 1.0, len(t_s)), t_s - t_s[0]
+    line, ones = np.column_stack([number, np.ones(len(t_s))]), np.ones((len(t_s), 1))
+    found = linprog(
+        [0.0, 0.0, 1.0],
+        A_ub=np.block([[line, -ones], [-line, -ones]]),
+        b_ub=np.concatenate([since_s, -since_s]),
+        bounds=(None, None),
+    ).x
+    assert found is not None, "any line is within some distance"
+    return np.asarray(t_s[0] + line @ found[:2])
