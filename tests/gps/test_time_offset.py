@@ -19,7 +19,7 @@ from vgps.gps.time_offset import (
     min_gain,
     model_average,
     update_time_offset,
-    with_frame_time_error,
+    with_agreed_clock,
 )
 
 BELIEVED = TimeOffset(0.0, 0.5)
@@ -341,26 +341,46 @@ def test_fixes_of_one_class_are_compared_whatever_the_receiver_states():
     assert none == BELIEVED
 
 
-def late_frames(fixes, sensors=SENSORS, **settings):
-    config = SensorsConfig(**{"frame_time_sigma_s": 0.02} | settings)
-    return with_frame_time_error(sensors, trajectory(path(T_S)), fixes, config)
+def agreed(fixes, sensors=SENSORS, **settings):
+    return with_agreed_clock(sensors, trajectory(path(T_S)), fixes, SensorsConfig(**settings))
 
 
-def test_frame_times_that_err_alike_are_known_better_by_displacements():
-    """A share of what these say, by both variances; here they know it to 0.1 s, and 5 ms."""
-    little, much = (late_frames(late(0.02, error)) for error in (wander(0), 1e-3 * wander(0)))
-    assert little.late_frames and much.late_frames
-    assert 0.015 < little.prior_time_offset.sigma_s < 0.02 and abs(little.time_offset_s) < 0.02
-    assert 0.003 < much.prior_time_offset.sigma_s < 0.006
-    assert much.time_offset_s == much.prior_time_offset.time_offset_s == pytest.approx(0.02, abs=0.003)
+def test_clocks_that_differ_a_little_are_known_by_displacements():
+    """A share of what these say, by both variances: they know it to 7 ms here, clocks agree to 20 ms."""
+    found = agreed(late(0.04, 1e-3 * wander(0)))
+    assert found.prior_time_offset == found.agreed and found.probability == 1.0
+    assert 0.005 < found.agreed.sigma_s < 0.008
+    assert found.time_offset_s == found.agreed.time_offset_s == pytest.approx(0.035, abs=0.003)
 
 
-def test_frame_times_that_err_alike_are_as_uncertain_as_they_are_where_fixes_say_nothing():
-    for found in (late_frames(Fixes.empty()), late_frames(late(0.02), estimate_time_offset="no")):
-        assert found.late_frames and found.prior_time_offset == TimeOffset(0.0, 0.02)
+@pytest.mark.parametrize("fixes", [late(0.0, 1e-3 * wander(0)), Fixes.empty()])
+def test_clocks_may_agree_exactly_where_nothing_speaks_against_it(fixes):
+    assert agreed(fixes) is SENSORS
 
 
-def test_frames_on_time_and_clocks_that_differ_are_left_alone():
-    assert late_frames(late(0.02), frame_time_sigma_s=0.0) is SENSORS
+@pytest.mark.slow
+@pytest.mark.parametrize(("sigma_s", "least", "most"), [(0.0, 0, 15), (0.02, 15, 60)])
+def test_what_clocks_that_agree_differ_by_has_an_honest_sigma(sigma_s, least, most):
+    """Errors that walk by centimetres, and clocks drawn from what is assumed."""
+    late_s = np.random.default_rng(0).normal(0.0, sigma_s, 60)
+    found = [agreed(late(one_s, 0.3 * wander(seed))).agreed for seed, one_s in enumerate(late_s)]
+    errors = [(one.time_offset_s - late_s[k]) / one.sigma_s for k, one in enumerate(found) if one is not None]
+    assert least <= len(errors) <= most
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+def test_frame_times_that_err_alike_are_unknown_even_so():
+    nothing, little = (
+        agreed(fixes, frame_time_sigma_s=0.015).agreed for fixes in (Fixes.empty(), late(0.02, wander(0)))
+    )
+    assert nothing == TimeOffset(0.0, pytest.approx(0.025))
+    assert 0.02 < little.sigma_s < 0.025 and abs(little.time_offset_s) < 0.02
+
+
+def test_a_time_offset_that_is_certain_stays_and_a_likelier_one_may_be_taken_back():
+    fixes = late(0.06, 1e-3 * wander(0))
     other = SENSORS.with_time_offset(TimeOffset(0.4, 0.03))
-    assert late_frames(late(0.4), other) is other
+    assert agreed(fixes, other) is other
+    doubted = agreed(fixes, SENSORS.with_time_offset(TimeOffset(0.07, 0.02), 0.7))
+    assert doubted.prior_time_offset == TimeOffset(0.07, 0.02) and doubted.probability == 0.7
+    assert doubted.agreed.time_offset_s == pytest.approx(0.05, abs=0.005)

@@ -49,6 +49,13 @@ def test_nothing_is_said_twice_or_of_a_clock_that_is_right(before, after):
     assert notes(before, after) == ()
 
 
+def test_what_clocks_that_agree_differ_by_is_named_once_it_is_two_sigmas():
+    began = replace(CERTAIN, agreed=CERTAIN.prior_time_offset)
+    (text,) = notes(began, replace(began, time_offset_s=-0.041, shown_by_poses=True))
+    assert "are -0.041 s (standard deviation 0.020 s) older" in text
+    assert notes(began, replace(began, time_offset_s=0.039, shown_by_poses=True)) == ()
+
+
 UPRIGHT = [(0, 0), (-90, 30), (-100, 0), (70, 60), (-30, 100)]
 
 

@@ -107,11 +107,10 @@ class SensorsConfig(SettingsModel):
     time_offset_sigma_s: PositiveFloat = 0.5
     """Prior standard deviation of the time offset that is estimated."""
     trusted_time_offset_s: PositiveFloat = 0.02
-    """auto: standard deviation to which clocks agree where nothing is wrong (exposure, rounded time
-    stamps)."""
+    """auto: standard deviation to which clocks agree, unless exactly, where nothing is wrong (exposure,
+    rounded time stamps)."""
     frame_time_sigma_s: NonNegativeFloat = 0.0
-    """Standard deviation of an error that all frame times share, such as that of a converted video; it is
-    estimated with the poses."""
+    """Standard deviation of an error that all frame times share, beyond that; a converted video has one."""
     clock_rate: float = Field(default=0.0, gt=-0.1, lt=0.1)
     """Known rate of the clocks: the time offset grows by this in each second from the first frame on, such as
     0.001 where a video of 29.97 frames a second was taken for one of 30."""
@@ -128,6 +127,11 @@ class SensorsConfig(SettingsModel):
     where the fixes contradict one at the camera."""
     antenna_sigma_m: PositiveFloat = 0.5
     """Prior standard deviation of the lever arm, on each axis."""
+
+    @property
+    def agreed_time_offset_s(self) -> float:
+        """Standard deviation of the time offset of clocks that agree."""
+        return float(np.hypot(self.trusted_time_offset_s, self.frame_time_sigma_s))
 
     @property
     def time_offset_prior_s(self) -> float:

@@ -44,7 +44,8 @@ class Sensors:
         held_sigma_s: Root mean square error of a time offset that is not estimated, as far as stage D shows.
         by_displacements: What displacements say, under the configured prior, where they are not certain; None
             before they were looked at.
-        late_frames: Whether the prior is that of clocks that agree but for an error of all frame times.
+        agreed: What displacements say under the prior of clocks that agree to hundredths of a second; None if
+            they may as well agree exactly.
         clock_rate: By which the time offset grows in each second.
         clock_rate_sigma: Its standard deviation; 0 if nothing contradicts the configured one.
     """
@@ -59,7 +60,7 @@ class Sensors:
     shown_by_poses: bool = False
     held_sigma_s: float = 0.0
     by_displacements: TimeOffset | None = None
-    late_frames: bool = False
+    agreed: TimeOffset | None = None
     clock_rate: float = 0.0
     clock_rate_sigma: float = 0.0
 
@@ -103,12 +104,7 @@ class Sensors:
             prior_time_offset=prior,
             probability=probability,
             held_sigma_s=0.0,
-            late_frames=False,
         )
-
-    def with_late_frames(self, prior: TimeOffset) -> "Sensors":
-        """Return sensors whose clock is the video's but for an error of all frame times."""
-        return replace(self.with_time_offset(prior), late_frames=True)
 
     def with_clock(self, clock: GpsClock, time_offset_sigma_s: float, rate_sigma: float) -> "Sensors":
         """Return sensors with a clock that displacements show, with its standard deviations."""
@@ -117,7 +113,7 @@ class Sensors:
 
     def holding_time_offset(self) -> "Sensors":
         """Return sensors whose time offset is not estimated with the poses."""
-        return replace(self, prior_time_offset=TimeOffset(self.time_offset_s, 0.0), late_frames=False)
+        return replace(self, prior_time_offset=TimeOffset(self.time_offset_s, 0.0))
 
     @property
     def clock(self) -> GpsClock:

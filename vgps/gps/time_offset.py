@@ -158,30 +158,35 @@ def without_prior(found: TimeOffset, prior: TimeOffset) -> TimeOffset:
     return TimeOffset(prior.time_offset_s + change, information**-0.5)
 
 
-def with_frame_time_error(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig) -> Sensors:
-    """Return sensors with the prior of an error that all frame times share, unless clocks differ anyway.
+def with_agreed_clock(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig) -> Sensors:
+    """Return sensors with the time offset of clocks that agree but for some hundredths of a second.
 
-    Poses that were held to wrong times have bent to the fixes and show but a part of it, so that they begin
+    Clocks that agree do so exactly, as where a receiver triggers the camera, or to a standard deviation: by
+    exposure, transport and rounded time stamps. Both are as likely before, unless all frame times err. Poses
+    that were held to a wrong time offset have bent to the fixes and show but a part of it, so that they begin
     at what displacements say.
 
     Args:
-        sensors, path, fixes, config: As for :func:`update_time_offset`, which held the time offset.
+        sensors, path, fixes, config: As for :func:`update_time_offset`, of a time offset that is not certain.
     """
-    if not config.frame_time_sigma_s or sensors.prior_time_offset.sigma_s:
+    prior = TimeOffset(config.time_offset_s, config.agreed_time_offset_s)
+    if sensors.prior_time_offset.sigma_s and sensors.probability == 1.0:
         return sensors
-    late = TimeOffset(config.time_offset_s, config.frame_time_sigma_s)
-    if (shown := _shown(sensors, path, fixes, config)) is not None:
-        share = late.sigma_s**2 / (late.sigma_s**2 + shown.sigma_s**2)
-        moved_s = share * (shown.time_offset_s - late.time_offset_s)
-        late = TimeOffset(late.time_offset_s + moved_s, float(np.sqrt(share)) * shown.sigma_s)
-    return sensors.with_late_frames(late)
+    shown, agreed = _shown(sensors, path, fixes, config), prior
+    if shown is not None:
+        share = prior.sigma_s**2 / (prior.sigma_s**2 + shown.sigma_s**2)
+        moved_s = share * (shown.time_offset_s - prior.time_offset_s)
+        agreed = TimeOffset(prior.time_offset_s + moved_s, float(np.sqrt(share)) * shown.sigma_s)
+    exact = shown is None or model_average(shown, prior, 0.0)[1] < 0.5
+    if exact and not config.frame_time_sigma_s:
+        return sensors
+    placed = sensors if sensors.prior_time_offset.sigma_s else sensors.with_time_offset(agreed)
+    return replace(placed, agreed=agreed)
 
 
 def _shown(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig) -> TimeOffset | None:
     """Return what fixes alone say of the time offset; None if none is likelier than that of the prior."""
     prior = TimeOffset.from_config(config)
-    if not prior.sigma_s:
-        return None
     pairs = neighbour_pairs(
         path, spaced(fixes, _SPACING_S), sensors.camera_p_antenna, prior, config.time_offset
     )

@@ -19,7 +19,7 @@ from vgps.gps.clock_search import (
 )
 from vgps.gps.fixes import Fixes, antenna_offsets, place
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.gps.time_offset import estimate_time_offset, with_frame_time_error
+from vgps.gps.time_offset import estimate_time_offset, with_agreed_clock
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.camera_refinement import moved_far, with_settled_camera
 from vgps.pipeline.front_end import FrontEnd, run_front_end
@@ -229,7 +229,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     if shows_no_time_offset(video, steady, sensors.camera_p_antenna, settings):
         found = replace(found, by_displacements=TimeOffset.from_config(settings))
     else:
-        found = with_frame_time_error(found, path, steady, settings)
+        found = with_agreed_clock(found, path, steady, settings)
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *notes))
 
 

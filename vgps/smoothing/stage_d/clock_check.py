@@ -46,23 +46,25 @@ def with_shown_clock(
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
     of what those leave open: what a solution there costs more decides how much is unknown.
 
-    Where none is assumed but for an error that all frame times share, that is estimated with the poses.
+    Where none is assumed, but clocks that agree do not do so exactly, what they differ by is estimated with
+    the poses.
 
     Args:
         sensors: Before the round.
         solved: The round, with the time offset held.
         solve: Solves it with other sensors.
     """
-    if not sensors.late_frames:
+    settings, agreed = solved.given.context.config.sensors, sensors.agreed
+    if agreed is None:
         return _decided(sensors, solved, solve)
-    settings, late = solved.given.context.config.sensors, sensors.prior_time_offset
-    decided, solved = _decided(sensors.holding_time_offset(), solved, solve)
+    doubted = sensors.holding_time_offset() if sensors.prior_time_offset == agreed else sensors
+    decided, solved = _decided(doubted, solved, solve)
     if decided.prior_time_offset.sigma_s:
         return decided, solved
     if _rtk_fix_share(solved) > _MOSTLY:  # poses compare what displacements have shown again
-        late = TimeOffset(settings.time_offset_s, settings.frame_time_sigma_s)
-    unknown_s = decided.held_sigma_s if decided.held_sigma_s > settings.frame_time_sigma_s else 0.0
-    return replace(sensors, prior_time_offset=late, shown_by_poses=True, held_sigma_s=unknown_s), solved
+        agreed = TimeOffset(settings.time_offset_s, settings.agreed_time_offset_s)
+    unknown_s = decided.held_sigma_s if decided.held_sigma_s > settings.agreed_time_offset_s else 0.0
+    return replace(decided, prior_time_offset=agreed, shown_by_poses=True, held_sigma_s=unknown_s), solved
 
 
 def _decided(
@@ -88,7 +90,7 @@ def _decided(
         pass
     if not shown_before:
         return replace(sensors, held_sigma_s=held_sigma_s), solved
-    held = sensors.with_time_offset(TimeOffset(prior.time_offset_s, 0.0))
+    held = sensors.with_time_offset(TimeOffset((sensors.agreed or prior).time_offset_s, 0.0))
     return replace(held, held_sigma_s=held_sigma_s), solve(held)
 
 
