@@ -70,7 +70,7 @@ def with_shown_clock(
 def _decided(
     sensors: Sensors, solved: BatchSolution, solve: Callable[[Sensors], BatchSolution]
 ) -> tuple[Sensors, BatchSolution]:
-    """Return what :func:`with_shown_clock` does, of frames whose times are right."""
+    """Return what :func:`with_shown_clock` does of clocks that agree exactly, or not at all."""
     config = solved.given.context.config
     settings, used = config.sensors, solved.given.fixes.used
     if not (settings.time_offset_prior_s and config.gps.has_memory and used.any()):
