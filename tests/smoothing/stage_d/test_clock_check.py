@@ -293,7 +293,7 @@ def test_what_is_unknown_of_a_held_time_offset_is_in_the_standard_deviations():
     assert added[0] - added[1] == pytest.approx((unknown.sensors.held_sigma_s * speed_m_s) ** 2, rel=0.3)
 
 
-A_LITTLE = TimeOffset(0.004, 0.01)
+A_LITTLE, CONFIRMED = TimeOffset(0.004, 0.01), TimeOffset(0.03, 0.01)
 AGREED = replace(HELD.with_time_offset(A_LITTLE), agreed=A_LITTLE)
 
 
@@ -301,7 +301,7 @@ AGREED = replace(HELD.with_time_offset(A_LITTLE), agreed=A_LITTLE)
 def test_what_clocks_that_agree_differ_by_is_estimated(monkeypatch, good, prior):
     """Poses of RTK-fixes compare displacements again. What else may be unknown is less."""
     monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.015)
-    after, again = trial(monkeypatch, [TimeOffset(0.005, 0.01)], AGREED, good)
+    after, again = trial(monkeypatch, [CONFIRMED, TimeOffset(0.005, 0.01)], AGREED, good)
     assert plain(after) == plain(replace(AGREED, prior_time_offset=prior, shown_by_poses=True)) and not again
 
 
@@ -311,8 +311,14 @@ def test_what_is_unknown_of_the_clock_comes_on_top_of_what_clocks_that_agree_dif
     assert after.held_sigma_s == 0.3 and after.prior_time_offset == TimeOffset(0.0, pytest.approx(0.025))
 
 
+def test_clocks_agree_exactly_if_poses_do_not_confirm_what_displacements_said(monkeypatch):
+    """As one seed of kitti03's gps_fix; 0.37 to 0.63."""
+    after, again = trial(monkeypatch, [TimeOffset(-0.0035, 0.0143), TimeOffset(0.0, 0.01)], AGREED)
+    assert decided(after) == plain(HELD) and [one.time_offset_s for one in again] == [0.0]
+
+
 def test_clocks_that_do_not_agree_are_found_all_the_same(monkeypatch):
-    shown = [TimeOffset(0.07, 0.02), TimeOffset(0.14, 0.04)]
+    shown = [CONFIRMED, TimeOffset(0.07, 0.02), TimeOffset(0.14, 0.04)]
     after, again = trial(monkeypatch, shown, AGREED)
     assert plain(after) == plain(again[0]) and after.time_offset_s == 0.07
 

@@ -47,7 +47,7 @@ def with_shown_clock(
     of what those leave open: what a solution there costs more decides how much is unknown.
 
     Where none is assumed, but clocks that agree do not do so exactly, what they differ by is estimated with
-    the poses.
+    the poses, unless these make exact ones likelier again.
 
     Args:
         sensors: Before the round.
@@ -55,6 +55,9 @@ def with_shown_clock(
         solve: Solves it with other sensors.
     """
     settings, agreed = solved.given.context.config.sensors, sensors.agreed
+    if agreed is not None and _agree_exactly(sensors, solved):
+        agreed, exact = None, sensors.with_time_offset(TimeOffset(settings.time_offset_s, 0.0))
+        sensors, solved = replace(exact, agreed=None), solve(exact)
     if agreed is None:
         return _decided(sensors, solved, solve)
     doubted = sensors.holding_time_offset() if sensors.prior_time_offset == agreed else sensors
@@ -65,6 +68,21 @@ def with_shown_clock(
         agreed = TimeOffset(settings.time_offset_s, settings.agreed_time_offset_s)
     unknown_s = decided.held_sigma_s if decided.held_sigma_s > settings.agreed_time_offset_s else 0.0
     return replace(decided, prior_time_offset=agreed, shown_by_poses=True, held_sigma_s=unknown_s), solved
+
+
+def _agree_exactly(sensors: Sensors, solved: BatchSolution) -> bool:
+    """Return whether the poses make clocks that agree exactly likelier than those of the displacements."""
+    config = solved.given.context.config
+    settings, prior = config.sensors, TimeOffset.from_config(config.sensors)
+    doubted = sensors.prior_time_offset == sensors.agreed and not settings.frame_time_sigma_s
+    if not (doubted and config.gps.has_memory and solved.given.fixes.used.any()):
+        return False
+    try:
+        shown = without_prior(_shown(solved, prior), prior)
+    except (GeometryError, np.linalg.LinAlgError):
+        return False
+    differing = TimeOffset(settings.time_offset_s, settings.agreed_time_offset_s)
+    return model_average(shown, differing, 0.0)[1] < 0.5
 
 
 def _decided(
