@@ -1,5 +1,7 @@
 """Videos that were converted to another frame rate: pure patterns, and a real recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brief_videos import first_frames
@@ -9,10 +11,13 @@ from hypothesis import strategies as st
 
 import vgps
 from scripts.experiments.changed_videos import closest, converted, nearest, shown_at
+from vgps.config import Config
+from vgps.errors import GeometryError
 from vgps.pipeline.even_times import even_times, with_even_times
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
+from vgps.smoothing.merging.merge_cameras import CameraMaps
 
 
 def repeats_of(shown):
@@ -36,13 +41,15 @@ def test_pictures_of_a_converted_video_are_evenly_spaced_again(convert, pictures
     assert np.diff(found_s).min() > 0.2 / frames_hz
 
 
-def test_pictures_of_a_recorder_that_hangs_now_and_then_keep_their_times():
-    rng = np.random.default_rng(0)
-    at_s, repeats = np.arange(900) / 30.0, np.zeros(900, bool)
-    repeats[rng.choice(np.arange(1, 900), 40, replace=False)] = True
-    found_s, even = even_times(at_s, repeats, np.ones(900, bool))
-    np.testing.assert_array_equal(found_s, at_s)
-    assert not even.any()
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.2, 0.5, 0.8])
+def test_pictures_of_a_recorder_that_hangs_now_and_then_keep_their_times(share):
+    for seed in range(5):
+        repeats = np.random.default_rng(seed).random(900) < share
+        repeats[0] = False
+        at_s = np.arange(900) / 30.0
+        found_s, even = even_times(at_s, repeats, np.ones(900, bool))
+        np.testing.assert_array_equal(found_s, at_s)
+        assert not even.any()
 
 
 def test_where_a_camera_stands_times_stay():
@@ -67,18 +74,19 @@ def test_where_the_rate_changes_another_stretch_begins():
 
 
 @given(
-    st.lists(st.tuples(st.booleans(), st.booleans()), min_size=2, max_size=120),
-    st.floats(0.5, 0.95),
+    st.lists(st.tuples(st.floats(0.2, 0.95), st.integers(2, 150)), min_size=1, max_size=4),
+    st.sets(st.integers(0, 600), max_size=4),
+    st.sets(st.integers(0, 600), max_size=4),
 )
-def test_times_increase_and_move_by_half_a_frame_at_most(flags, share):
-    """Whatever repeats; among all others every so many frames do."""
-    repeats, known = np.array(flags).T
-    repeats = (repeats & known) | (np.diff(np.floor(share * np.arange(len(flags))), prepend=-1) == 0)
-    repeats[0] = False
-    at_s = 0.04 * np.arange(len(flags))
-    found_s, even = even_times(at_s, repeats, known | repeats)
-    assert np.diff(found_s).min() > 0.0
-    assert np.abs(found_s - at_s).max() <= 0.02 * (1.0 + 2e-3)
+def test_times_increase_and_move_by_a_frame_at_most(rates, hangs, unknown):
+    """Whatever the rates, and whatever repeats or is unknown besides."""
+    repeats = np.concatenate([np.diff(np.floor(a * np.arange(n)), prepend=-1) == 0 for a, n in rates])
+    numbers = np.arange(len(repeats))
+    repeats = (repeats | np.isin(numbers, list(hangs))) & (numbers > 0)
+    at_s, known = 0.04 * numbers, ~np.isin(numbers, list(unknown)) | repeats
+    found_s, even = even_times(at_s, repeats, known)
+    assert np.diff(found_s, append=np.inf).min() > 0.0
+    assert np.abs(found_s - at_s).max() <= 0.04 * (1.0 + 1e-9)
     np.testing.assert_array_equal(found_s[~even & ~repeats], at_s[~even & ~repeats])
 
 
@@ -105,8 +113,61 @@ def test_a_converted_video_gives_the_poses_of_its_pictures(drive, data_dir):
     assert solution.config["sensors"]["frame_time_sigma_s"] == 0.0  # the settings are the user's
 
 
+@pytest.fixture(scope="module")
+def front_end(drive):
+    """That of the first three seconds."""
+    return run_front_end(first_frames(drive, 30), fewer_features(100), NoProgress())
+
+
+def again(front_end, shown, monkeypatch, run=lambda recording, *_: recording):
+    """What follows if frames show these pictures: the front end or recording, the settings, and whether any
+    stage ran again."""
+    runs, repeats = [], np.flatnonzero(repeats_of(shown))
+    monkeypatch.setattr("vgps.pipeline.even_times.run_front_end", lambda *a: runs.append(a) or run(*a))
+    monkeypatch.setattr("vgps.pipeline.even_times._views", lambda one: np.ones(len(one.t_s), bool))
+    found = with_even_times(replace(front_end, repeated_frames=repeats), Config(), NoProgress())
+    return *found, bool(runs)
+
+
 @pytest.mark.slow
-def test_a_video_as_it_was_recorded_keeps_its_times(drive):
+def test_a_video_as_it_was_recorded_keeps_its_times(front_end):
     config = fewer_features(100)
-    front_end = run_front_end(first_frames(drive, 30), config, NoProgress())
     assert with_even_times(front_end, config, NoProgress()) == (front_end, config)
+
+
+@pytest.mark.slow
+def test_a_converted_video_runs_again_at_even_times(front_end, monkeypatch):
+    shown = converted(np.arange(60.0), 1.5)[0]
+    at_s = np.arange(len(shown)) / 15.0
+    recording, config, runs = again(replace(front_end, t_s=at_s), shown, monkeypatch)
+    assert runs and config.sensors.frame_time_sigma_s == pytest.approx(0.025)
+    repeats = repeats_of(shown)
+    np.testing.assert_array_equal(recording.video.repeats, repeats)
+    np.testing.assert_allclose(np.diff(recording.video.times_s[~repeats]), 0.1, atol=1e-9)
+    assert sum("was converted" in note for note in recording.notes) == 1
+
+
+@pytest.mark.slow
+def test_a_video_of_every_picture_twice_has_even_times_but_may_be_late(front_end, monkeypatch):
+    one = replace(front_end, t_s=np.arange(60) / 20.0)
+    found, config, runs = again(one, np.arange(60) // 2, monkeypatch)
+    assert not runs and found.t_s is one.t_s and config.sensors.frame_time_sigma_s == pytest.approx(0.025)
+    for told in (found.warnings, found.recording.notes):
+        assert sum("was converted" in note for note in told) == 1
+
+
+@pytest.mark.slow
+def test_a_second_run_without_a_path_leaves_the_first(front_end, monkeypatch):
+    def fails(*_):
+        raise GeometryError("no map could be started")
+
+    one, shown = replace(front_end, t_s=np.arange(89) / 15.0), converted(np.arange(60.0), 1.5)[0]
+    found, config, runs = again(one, shown, monkeypatch, fails)
+    assert runs and found.recording is one.recording and config == Config()
+
+
+@pytest.mark.slow
+def test_a_rig_keeps_its_times(front_end, monkeypatch):
+    others = (CameraMaps((), np.zeros(0), front_end.sensors, "right"),)
+    one = replace(front_end, t_s=np.arange(89) / 15.0, others=others)
+    assert again(one, converted(np.arange(60.0), 1.5)[0], monkeypatch)[2] is False

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linprog
+from scipy.stats import entropy
 
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
@@ -19,7 +20,7 @@ from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.readers.video.retimed_video import RetimedVideo
 from vgps.runtime.progress import Progress
 
-_LEAST_REPEATS = 8  # those of a recorder that hangs now and then are not so many within a frame of a line
+_CHANCE = 1e-3  # that pictures of a recorder that hangs now and then lie so close to a line
 _ROUNDED = 1e-3  # frames by which time stamps are rounded
 _NOTABLE = 0.05  # frames by which times have to be off for another run
 _CLOSE = 0.5  # frames between pictures where even times end
@@ -29,7 +30,7 @@ _CLOSE = 0.5  # frames between pictures where even times end
 _UNKNOWN = 0.25
 _NOTE = (
     "the video was converted: it shows about {0:.4g} pictures a second in {1:.4g} frames. Their times were "
-    "taken to be even, up to {2:.3f} s from their time stamps, and all to be late by an unknown {3:.3f} s"
+    "taken to be even, up to {2:.3f} s from their time stamps; how late all of them are is known to {3:.3f} s"
 )
 
 
@@ -78,8 +79,9 @@ def _views(front_end: FrontEnd) -> BoolArray:
 def even_times(t_s: FloatArray, repeats: BoolArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
     """Return times (F,) of frames, strictly increasing, and which (F,) first show pictures at even ones.
 
-    They are even in stretches in which a line is within half a frame of their time stamps, as in a converted
-    video. Others keep theirs, and repeats stay in between.
+    They are even in stretches in which a line is within half a frame of their time stamps, and that is no
+    chance, as in a converted video. Others keep theirs, and repeats stay in between. No time moves by more
+    than a frame.
 
     Args:
         t_s: (F,) time stamps.
@@ -93,9 +95,11 @@ def even_times(t_s: FloatArray, repeats: BoolArray, known: BoolArray) -> tuple[F
         lead, rows = np.split(first + np.flatnonzero(~repeats[first:end]), [1])
         while len(rows):
             span = rows[: _evenly_spaced(t_s[rows], frame_s)]
-            if span[-1] + 1 - span[0] - len(span) >= _LEAST_REPEATS:
+            frames = int(span[-1]) + 1 - int(span[0])
+            if _chance(frames, frames - len(span)) * len(t_s) < _CHANCE:
                 line = _on_line(t_s[span])
-                at_s[span], at_s[lead] = line, 2.0 * line[0] - line[1]
+                before_s = np.clip(2.0 * line[0] - line[1], t_s[lead] - frame_s, t_s[lead] + frame_s)
+                at_s[span], at_s[lead] = line, before_s
                 even[span] = even[lead] = True
             lead, rows = rows[:0], rows[len(span) :]
     shown = np.flatnonzero(~repeats)
@@ -106,13 +110,27 @@ def even_times(t_s: FloatArray, repeats: BoolArray, known: BoolArray) -> tuple[F
     return at_s, even
 
 
+def _chance(frames: int, repeats: int) -> float:
+    """Return the chance of a pattern of pictures at even times if any frame may repeat one.
+
+    There are about n^3 / pi^2 such patterns of n frames (balanced words: Mignosi, On the number of factors of
+    Sturmian words, 1991), and each has the chance of its number of repeats.
+    """
+    share = repeats / frames
+    return frames**3 / np.pi**2 * float(np.exp(-frames * entropy([share, 1.0 - share])))
+
+
 def _evenly_spaced(t_s: FloatArray, frame_s: float) -> int:
     """Return how many of the first times are within half a frame of a line."""
+    most_s = 0.5 * (1.0 + _ROUNDED) * frame_s
 
     def off_s(count: int) -> float:
         return float(np.abs(t_s[:count] - _on_line(t_s[:count])).max())
 
-    return bisect(range(1, len(t_s) + 1), 0.5 * (1.0 + _ROUNDED) * frame_s, key=off_s)
+    end = 2  # a search among all would take hours for a long video whose pictures are not even
+    while end < len(t_s) and off_s(end) <= most_s:
+        end = min(2 * end, len(t_s))
+    return bisect(range(1, end + 1), most_s, key=off_s)
 
 
 def _on_line(t_s: FloatArray) -> FloatArray:
