@@ -81,9 +81,9 @@ def converted(t_s: FloatArray, factor: float) -> Order:
 
 def nearest(t_s: FloatArray, factor: float) -> Order:
     """Return the same if each picture is first shown by the frame nearest to it."""
-    at_s = np.arange(t_s[0], t_s[-1], frame_s := float(np.median(np.diff(t_s))) / factor)
-    from_s = t_s[0] + np.round((t_s - t_s[0]) / frame_s) * frame_s
-    return np.searchsorted(from_s, at_s + 1e-6, side="right") - 1, at_s
+    at_s = converted(t_s, factor)[1]
+    first = np.round((t_s - t_s[0]) / (at_s[1] - at_s[0]))
+    return np.searchsorted(first, np.arange(len(at_s)), side="right") - 1, at_s
 
 
 def closest(t_s: FloatArray, factor: float) -> Order:

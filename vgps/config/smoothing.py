@@ -129,11 +129,6 @@ class SensorsConfig(SettingsModel):
     """Prior standard deviation of the lever arm, on each axis."""
 
     @property
-    def agreed_time_offset_s(self) -> float:
-        """Standard deviation of the time offset of clocks that agree."""
-        return float(np.hypot(self.trusted_time_offset_s, self.frame_time_sigma_s))
-
-    @property
     def time_offset_prior_s(self) -> float:
         """Prior standard deviation of the rest of the time offset; 0 if it is not estimated."""
         return 0.0 if self.estimate_time_offset == "no" else self.time_offset_sigma_s

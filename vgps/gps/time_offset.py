@@ -158,6 +158,25 @@ def without_prior(found: TimeOffset, prior: TimeOffset) -> TimeOffset:
     return TimeOffset(prior.time_offset_s + change, information**-0.5)
 
 
+def with_prior(shown: TimeOffset, prior: TimeOffset) -> TimeOffset:
+    """Return a time offset that fixes alone show under a prior, the reverse of :func:`without_prior`."""
+    share = prior.sigma_s**2 / (prior.sigma_s**2 + shown.sigma_s**2)
+    moved_s = share * (shown.time_offset_s - prior.time_offset_s)
+    return TimeOffset(prior.time_offset_s + moved_s, float(np.sqrt(share)) * shown.sigma_s)
+
+
+def agreed_time_offset(config: SensorsConfig) -> TimeOffset:
+    """Return the prior of clocks that agree, but not exactly."""
+    sigma_s = float(np.hypot(config.trusted_time_offset_s, config.frame_time_sigma_s))
+    return TimeOffset(config.time_offset_s, sigma_s)
+
+
+def agree_exactly(shown: TimeOffset, config: SensorsConfig) -> bool:
+    """Return whether that makes clocks that agree exactly likelier, as likely before as those that do not."""
+    _, differ = model_average(shown, agreed_time_offset(config), 0.0)
+    return differ < 0.5
+
+
 def with_agreed_clock(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConfig) -> Sensors:
     """Return sensors with the time offset of clocks that agree but for some hundredths of a second.
 
@@ -169,17 +188,13 @@ def with_agreed_clock(sensors: Sensors, path: Trajectory, fixes: Fixes, config: 
     Args:
         sensors, path, fixes, config: As for :func:`update_time_offset`, of a time offset that is not certain.
     """
-    prior = TimeOffset(config.time_offset_s, config.agreed_time_offset_s)
+    prior = agreed_time_offset(config)
     if sensors.prior_time_offset.sigma_s and sensors.probability == 1.0:
         return sensors
-    shown, agreed = _shown(sensors, path, fixes, config), prior
-    if shown is not None:
-        share = prior.sigma_s**2 / (prior.sigma_s**2 + shown.sigma_s**2)
-        moved_s = share * (shown.time_offset_s - prior.time_offset_s)
-        agreed = TimeOffset(prior.time_offset_s + moved_s, float(np.sqrt(share)) * shown.sigma_s)
-    exact = shown is None or model_average(shown, prior, 0.0)[1] < 0.5
-    if exact and not config.frame_time_sigma_s:
+    shown = _shown(sensors, path, fixes, config)
+    if not config.frame_time_sigma_s and (shown is None or agree_exactly(shown, config)):
         return sensors
+    agreed = prior if shown is None else with_prior(shown, prior)
     placed = sensors if sensors.prior_time_offset.sigma_s else sensors.with_time_offset(agreed)
     return replace(placed, agreed=agreed)
 

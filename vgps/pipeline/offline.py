@@ -119,7 +119,7 @@ def _smoothed(
     front_end, config = with_right_clock(front_end, config, progress)
     front_end, config = with_right_roll(front_end, config, progress)
     recording = front_end.recording
-    if config is not run.config or recording.camera is not run.recording.camera:  # or has even times
+    if config is not run.config or recording.camera is not run.recording.camera:
         run = _Run(recording, config)
     found = imu_agreement(front_end, config, progress)
     if found.misled and found.contradiction is None:

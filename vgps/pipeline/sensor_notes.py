@@ -14,7 +14,7 @@ from vgps.solution import Solution
 _FAR_SIGMAS = 3.0  # of the roll that is assumed
 _UNKNOWN_SHARE = 0.25  # of the prior's sigma; 0.7 where nothing is seen, as clocks agree half of the time
 _LEAST_MOVED_M = 0.1  # a camera that hardly moves needs no clock
-_NOTABLE = 2.0  # standard deviations of what clocks that agree differ by
+_NOTABLE_SIGMAS = 2.0  # standard deviations of what clocks that agree differ by
 _LARGE_SHARE = 0.1  # of the picture; what covers less can hardly outvote the scene
 
 
@@ -82,7 +82,10 @@ def clock_notes(front_end: FrontEnd, batch: BatchResult, config: SensorsConfig) 
     if not after.prior_time_offset.sigma_s or was_certain:
         return ()
     sigma_s = float(batch.time_offset_sigma_s[0])
-    if before.agreed is not None and abs(after.time_offset_s - config.time_offset_s) < _NOTABLE * sigma_s:
+    if (
+        before.agreed is not None
+        and abs(after.time_offset_s - config.time_offset_s) < _NOTABLE_SIGMAS * sigma_s
+    ):
         return ()
     late = f"{after.time_offset_s:.3f} s (standard deviation {sigma_s:.3f} s)"
     why = (

@@ -33,6 +33,11 @@ class DerivedVideo:
         """Height in pixels."""
         return self.video.height
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the reader found."""
+        return getattr(self.video, "warnings", ())
+
     def frames(self) -> Iterator[Frame]:
         """Yield all frames in order of presentation."""
         return self.video.frames()

@@ -24,11 +24,6 @@ class RetimedVideo(DerivedVideo):
         """(F,) times of the frames."""
         return self.at_s
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the reader found."""
-        return getattr(self.video, "warnings", ())
-
     def frames(self) -> Iterator[Frame]:
         """Yield all frames in order of presentation."""
         for frame in self.video.frames():

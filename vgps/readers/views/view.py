@@ -114,7 +114,7 @@ class ViewVideo(DerivedVideo):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the reader found; once, with the view along the axis."""
-        return getattr(self.video, "warnings", ()) if self.view.name == "front" else ()
+        return super().warnings if self.view.name == "front" else ()
 
     def frames(self) -> Iterator[Frame]:
         """Yield all frames in order of presentation."""

@@ -16,7 +16,7 @@ from vgps.config import SensorsConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
-from vgps.gps.time_offset import model_average, without_prior
+from vgps.gps.time_offset import agree_exactly, agreed_time_offset, model_average, without_prior
 from vgps.model import FixClass
 from vgps.smoothing.stage_d.batch_result import BatchSolution
 from vgps.smoothing.stage_d.sensor_steps import least_cost_step
@@ -54,35 +54,35 @@ def with_shown_clock(
         solved: The round, with the time offset held.
         solve: Solves it with other sensors.
     """
-    settings, agreed = solved.given.context.config.sensors, sensors.agreed
-    if agreed is not None and _agree_exactly(sensors, solved):
-        agreed, exact = None, sensors.with_time_offset(TimeOffset(settings.time_offset_s, 0.0))
+    settings = solved.given.context.config.sensors
+    if _agree_exactly(sensors, solved):
+        exact = sensors.with_time_offset(TimeOffset(settings.time_offset_s, 0.0))
         sensors, solved = replace(exact, agreed=None), solve(exact)
+    agreed, prior = sensors.agreed, agreed_time_offset(settings)
     if agreed is None:
         return _decided(sensors, solved, solve)
     doubted = sensors.holding_time_offset() if sensors.prior_time_offset == agreed else sensors
     decided, solved = _decided(doubted, solved, solve)
     if decided.prior_time_offset.sigma_s:
         return decided, solved
-    if _rtk_fix_share(solved) > _MOSTLY:  # poses compare what displacements have shown again
-        agreed = TimeOffset(settings.time_offset_s, settings.agreed_time_offset_s)
-    unknown_s = decided.held_sigma_s if decided.held_sigma_s > settings.agreed_time_offset_s else 0.0
-    return replace(decided, prior_time_offset=agreed, shown_by_poses=True, held_sigma_s=unknown_s), solved
+    # poses of RTK-fixes compare what displacements have shown again
+    kept = prior if _rtk_fix_share(solved) > _MOSTLY else agreed
+    unknown_s = decided.held_sigma_s if decided.held_sigma_s > prior.sigma_s else 0.0
+    return replace(decided, prior_time_offset=kept, shown_by_poses=True, held_sigma_s=unknown_s), solved
 
 
 def _agree_exactly(sensors: Sensors, solved: BatchSolution) -> bool:
-    """Return whether the poses make clocks that agree exactly likelier than those of the displacements."""
+    """Return whether poses make clocks that agree exactly likelier, against what displacements said."""
     config = solved.given.context.config
-    settings, prior = config.sensors, TimeOffset.from_config(config.sensors)
-    doubted = sensors.prior_time_offset == sensors.agreed and not settings.frame_time_sigma_s
-    if not (doubted and config.gps.has_memory and solved.given.fixes.used.any()):
+    if sensors.agreed is None or sensors.prior_time_offset != sensors.agreed:
         return False
+    if config.sensors.frame_time_sigma_s or not (config.gps.has_memory and solved.given.fixes.used.any()):
+        return False
+    prior = TimeOffset.from_config(config.sensors)
     try:
-        shown = without_prior(_shown(solved, prior), prior)
+        return agree_exactly(without_prior(_shown(solved, prior), prior), config.sensors)
     except (GeometryError, np.linalg.LinAlgError):
         return False
-    differing = TimeOffset(settings.time_offset_s, settings.agreed_time_offset_s)
-    return model_average(shown, differing, 0.0)[1] < 0.5
 
 
 def _decided(
