@@ -13,7 +13,7 @@ from vgps.model import FixClass
 CONFIG = GpsConfig()
 
 
-def fixes_of_classes(*names, interval_s=1.0):
+def fixes_of_classes(*names, interval_s=1.0, **columns):
     """A fix a second of each class, with the class's region."""
     regions = [CONFIG.regions[name] for name in names]
     t_s = interval_s * np.arange(len(names))
@@ -23,6 +23,7 @@ def fixes_of_classes(*names, interval_s=1.0):
         np.array([region.r_m for region in regions]),
         np.array([region.h_m for region in regions]),
         fix_class=np.array([CLASSES.index(name) for name in names]),
+        **columns,
     )
 
 
@@ -53,3 +54,12 @@ def test_long_after_the_offset_is_another():
     config = GpsConfig(memory={"max_gap_s": 1e9})
     far = error_covariances(fixes_of_classes(*[FixClass.SINGLE] * 2, interval_s=1e6), config)[0]
     assert far[0, 1] < 1e-6 * far[0, 0]
+
+
+def test_the_errors_of_the_last_digits_are_those_of_each_fix():
+    classes, rounding_m = [FixClass.RTK_FIX] * 2, np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.5]])
+    found = error_covariances(fixes_of_classes(*classes, rounding_m=rounding_m), CONFIG)
+    added = found - error_covariances(fixes_of_classes(*classes), CONFIG)
+    expected = np.zeros((3, 2, 2))
+    expected[0, 0, 0], expected[2, 1, 1] = 0.3**2, 0.5**2
+    np.testing.assert_allclose(added, expected, atol=1e-12)

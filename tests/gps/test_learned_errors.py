@@ -1,5 +1,7 @@
 """Noise and walk of fixes are found from their displacements against those of the path."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_fixes import fixes_of_size, path, trajectory
@@ -42,6 +44,14 @@ def fixes_with(t_s, world_p_fix, fix_class):
         correlation_s=np.full(len(t_s), region.correlation_s),
         fix_class=np.full(len(t_s), CLASSES.index(fix_class)),
     )
+
+
+def test_the_errors_of_the_last_digits_are_not_learned_again():
+    exact = log(0.01, 0.02)
+    coarse = replace(exact, world_p_fix=np.round(exact.world_p_fix, 0))
+    known = replace(coarse, rounding_m=np.full((len(exact), 3), 12.0**-0.5))
+    assert learned(known)[DGPS].noise_m < 0.5 * learned(coarse)[DGPS].noise_m
+    assert learned(known)[DGPS].walk_m < 0.5 * learned(coarse)[DGPS].walk_m
 
 
 def learned(fixes, camera_path=TRUE_PATH, config=CONFIG):

@@ -5,7 +5,14 @@ from synthetic_fixes import fixes_of_size
 
 from vgps.config import GpsConfig
 from vgps.gps.fixes import CLASSES
-from vgps.gps.offset_errors import averaged_over_receivers, mean_errors, step_scale
+from vgps.gps.offset_errors import (
+    averaged_over_receivers,
+    log_walk_density,
+    mean_errors,
+    step_scale,
+    student,
+    walk_scale,
+)
 from vgps.model import FixClass
 
 KINDS = [FixClass.RTK_FLOAT, FixClass.RTK_FIX, FixClass.SINGLE, FixClass.RTK_FLOAT]
@@ -26,3 +33,24 @@ def test_each_fix_has_the_mean_errors_of_its_class():
 def test_there_may_be_no_fixes():
     nothing = fixes_of_size(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
     assert mean_errors(nothing, GpsConfig()).noise_m.shape == (0,)
+
+
+def test_the_errors_of_the_last_digits_add_to_noise_along_each_axis():
+    errors, rounding_m = GpsConfig().offset_errors(FixClass.RTK_FIX), np.array([0.3, 0.0, 0.4])
+    noise_m, vertical_m = np.hypot(0.2, 0.3), np.hypot(0.2 * errors.vertical, 0.4)
+    share = np.sqrt(errors.tail / (errors.tail + 3.0))
+    found = student(errors, 0.2, rounding_m).sigma_m
+    np.testing.assert_allclose(found, share * np.array([noise_m, 0.2, vertical_m]))
+
+
+def test_a_step_between_two_fixes_holds_the_errors_of_the_last_digits_of_both():
+    """Student's t in space with 3 degrees of freedom: gamma(3) / gamma(3/2) / (3 pi)^(3/2) at its centre."""
+    config, rounding_m = GpsConfig(), np.array([[0.3, 0.0, 0.0], [0.4, 0.0, 0.0]])
+    fixes = fixes_of_size(np.arange(2.0), np.zeros((2, 3)), np.ones(2), np.ones(2), rounding_m=rounding_m)
+    fixes = replace(fixes, fix_class=np.full(2, CLASSES.index(FixClass.RTK_FIX)))
+    errors = config.offset_errors(FixClass.RTK_FIX)
+    plane_m = np.hypot(walk_scale(errors, np.ones(1)), np.sqrt(2.0) * errors.noise_m)
+    scales = np.hypot(plane_m, 0.5) * plane_m * errors.vertical * plane_m
+    peak = 2.0 / (np.sqrt(np.pi) / 2.0) / (3.0 * np.pi) ** 1.5
+    found = log_walk_density(np.zeros((1, 3)), fixes, config)
+    np.testing.assert_allclose(found, np.log(peak / scales))

@@ -15,7 +15,14 @@ NAN = float("nan")
 RULE = QualityConfig(good_hdop=2.0, good_satellites=8, fresh_s=10.0, age_rate_m_s=0.002)
 
 
-def log_of(hdop=NAN, satellites=NAN, age_s=NAN, sigma_m=(NAN, NAN, NAN), fix_class=FixClass.RTK_FLOAT):
+def log_of(
+    hdop=NAN,
+    satellites=NAN,
+    age_s=NAN,
+    sigma_m=(NAN, NAN, NAN),
+    rounding_m=(0.0, 0.0, 0.0),
+    fix_class=FixClass.RTK_FLOAT,
+):
     """One fix."""
 
     def one(value):
@@ -25,6 +32,7 @@ def log_of(hdop=NAN, satellites=NAN, age_s=NAN, sigma_m=(NAN, NAN, NAN), fix_cla
         one(0.0),
         (fix_class,),
         sigma_m=np.array([sigma_m], dtype=float),
+        rounding_m=np.array([rounding_m], dtype=float),
         hdop=one(hdop),
         satellites=one(satellites),
         correction_age_s=one(age_s),
@@ -61,6 +69,12 @@ def test_large_reported_sigmas_enlarge_the_region_and_small_ones_do_not_reduce_i
     wide, high = region(sigma_m=(3.0, 4.0, 6.0))
     assert wide == pytest.approx(2.448 * 5.0 / np.sqrt(2), rel=1e-3) and high == pytest.approx(11.76)
     assert region(sigma_m=(0.01, 0.01, 0.01)) == (2.0, 5.0)
+
+
+def test_the_errors_of_the_last_digits_enlarge_every_region():
+    wide, high = region(rounding_m=(0.3, 0.5, 2.0), sigma_m=(0.01, 0.01, 0.01))
+    assert wide == pytest.approx(np.hypot(2.0, 2.448 * np.sqrt((0.3**2 + 0.5**2) / 2)), rel=1e-3)
+    assert high == pytest.approx(np.hypot(5.0, 1.96 * 2.0))
 
 
 def test_the_enlargement_can_be_disabled():

@@ -211,3 +211,27 @@ def test_one_walk_as_ubx_and_as_pos_agrees(data_dir):
     np.testing.assert_allclose(mixed.t_s, pos.t_s, atol=2e-3)
     assert mixed.fix_class == pos.fix_class
     np.testing.assert_allclose(mixed.latitude_deg, pos.latitude_deg, atol=1e-7)
+
+
+def nmea_of_digits(minutes: int, metres: int) -> str:
+    """Ten RTK-fixes with so many decimals of minutes and of the height above the sea."""
+    lines = ""
+    for k in range(10):
+        minute, height = 0.6612345678 + 1.111e-4 * k, 116.1234 + 0.0111 * k
+        place = f"490{minute:.{minutes}f},N,0082{4.9912345678 + minute:.{minutes}f},E"
+        lines += f"$GNGGA,12000{k},{place},4,14,0.80,{height:.{metres}f},M,47.9,M,1.5,0000\n"
+    return with_checksums(lines) + zda("120009", 26, 9, 2011)
+
+
+@pytest.mark.parametrize(
+    ("minutes", "metres", "north_m", "up_m"),
+    [(4, 1, 0.185, 0.1), (5, 1, 0.0185, 0.1), (7, 4, 0.0, 0.0)],
+)
+def test_the_errors_of_the_last_digits_are_those_of_the_sentences(tmp_path, minutes, metres, north_m, up_m):
+    (tmp_path / "gps.nmea").write_text(nmea_of_digits(minutes, metres))
+    log = read_gps_log(tmp_path / "gps.nmea", AT_NOON)
+    east_m = north_m * np.cos(np.radians(49.01))
+    expected = np.array([east_m, north_m, up_m]) / np.sqrt(12.0)
+    np.testing.assert_allclose(log.rounding, [expected] * 10, rtol=3e-3)
+    told = "the last digits of the positions are steps of"
+    assert any(told in note for note in log.skipped) == (north_m > 0.1 or up_m >= 0.1)

@@ -32,7 +32,6 @@ def error_covariances(fixes: Fixes, config: GpsConfig) -> FloatArray:
         errors = averaged_over_receivers(config.offset_errors(CLASSES[int(fixes.fix_class[rows[0]])]))
         one = one_sigma(errors)
         walked = (one * walk_scale(errors, apart_s[np.ix_(rows, rows)])) ** 2
-        noise = np.eye(len(rows)) * (one * errors.noise_m) ** 2
         horizontal = (float(np.median(bounded.r_m[rows])) / INSIDE_PLANE) ** 2
         vertical = (float(np.median(bounded.h_m[rows])) / INSIDE_LINE) ** 2
         for axis, variance, ratio in (
@@ -41,5 +40,6 @@ def error_covariances(fixes: Fixes, config: GpsConfig) -> FloatArray:
             (2, vertical, errors.vertical),
         ):
             offset = variance * np.exp(-(ratio**2) * walked / (2.0 * variance))
-            result[axis][np.ix_(rows, rows)] = offset + ratio**2 * noise
+            noise = (ratio * one * errors.noise_m) ** 2 + fixes.rounding_m[rows, axis] ** 2
+            result[axis][np.ix_(rows, rows)] = offset + np.diag(noise)
     return result

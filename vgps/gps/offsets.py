@@ -170,9 +170,13 @@ def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatAr
     A loss bounds what the tails of its own distribution do; a worse receiver is not in it, unless the log
     showed what its receiver does.
     """
-    errors = errors_of(fixes.where(chain.rows), config)
+    rows = fixes.where(chain.rows)
+    errors = errors_of(rows, config)
     means = [averaged_over_receivers(one) for one in errors]
-    noise = np.array([mean.noise_m / one.noise_m for mean, one in zip(means, errors, strict=True)])
+    own = np.array([one.noise_m for one in errors])
+    mean = np.array([one.noise_m for one in means])
+    rounding_m = np.linalg.norm(rows.rounding_m[:, :2], axis=1) / np.sqrt(2.0)
+    noise = np.hypot(mean, rounding_m) / np.hypot(own, rounding_m)
     walk = np.array([mean.walk_m / one.walk_m for mean, one in zip(means, errors, strict=True)])
     return np.concatenate([noise, walk[chain.first][~chain.starts]])
 
@@ -187,8 +191,8 @@ def _noise_losses(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> list[G
     middle_s = np.bincount(chain.offset, rows.t_s) / np.bincount(chain.offset)
     apart_s = np.abs(rows.t_s - middle_s[chain.offset])
     return [
-        student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))))
-        for errors, dt in zip(errors_of(rows, config), apart_s, strict=True)
+        student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))), rounding_m)
+        for errors, dt, rounding_m in zip(errors_of(rows, config), apart_s, rows.rounding_m, strict=True)
     ]
 
 

@@ -10,6 +10,7 @@ from vgps.mapping.retention import RetiredPoses
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog
 from vgps.online.fusion.pose_sigmas import Sigmas
 from vgps.readers.gps_formats.fixes import Fix
+from vgps.readers.gps_formats.last_digits import LastDigits
 from vgps.solution import FrameState
 
 _CLASSES = tuple(FixClass)
@@ -68,6 +69,7 @@ class FixArchive:
     def __init__(self) -> None:
         self._rows = GrowingArray((12,))
         self._assessed = GrowingArray((2,))
+        self._last_digits = LastDigits()
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -77,6 +79,7 @@ class FixArchive:
         numbers = (fix.hdop, fix.satellites, fix.correction_age_s, fix.line, _CLASSES.index(fix.fix_class))
         self._rows.append([*fix[:4], *fix.sigma_m, *numbers])
         self._assessed.append(np.nan)
+        self._last_digits.add(*np.array(fix[1:4])[:, None] - [[0.0], [0.0], [fix.geoid_m]])
 
     def times_s(self, since: int) -> FloatArray:
         """Return the times of the fixes from row ``since`` on."""
@@ -105,6 +108,7 @@ class FixArchive:
             correction_age_s=table[:, 9].copy(),
             line=table[:, 10].astype(np.int64),
             source=source,
+            rounding_m=np.tile(self._last_digits.rounding_m, (len(table), 1)),
         )
 
     def in_time_order(self) -> np.ndarray:

@@ -20,12 +20,14 @@ from vgps.readers.gps_formats.fixes import (
     Fix,
     RawLog,
     counted,
+    last_digits,
     unix_s,
     without_held,
 )
 from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gps_formats.gpx import looks_like_gpx, read_gpx
 from vgps.readers.gps_formats.igc import looks_like_igc, read_igc
+from vgps.readers.gps_formats.last_digits import LastDigits
 from vgps.readers.gps_formats.mavlink import looks_like_mavlink, read_mavlink
 from vgps.readers.gps_formats.nmea import looks_like_nmea, looks_like_nmea_without_gga, read_nmea
 from vgps.readers.gps_formats.novatel import looks_like_novatel, read_novatel
@@ -40,6 +42,9 @@ from vgps.readers.video_gps.dji_srt import looks_like_srt, read_dji_srt
 from vgps.readers.video_gps.find import looks_like_video, read_video_gps
 
 _SAME_TIME_S = 1e-6
+_COARSE_M = 0.1  # steps of last digits that are larger than most errors of RTK-fixes
+_MANY = 10  # fixes that are no round numbers by chance
+_RTK = {FixClass.RTK_FIX, FixClass.RTK_FLOAT}
 
 
 class UnknownStartError(GpsLogError):
@@ -122,7 +127,9 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
         )
     if raw.clock is Clock.TIME_OF_DAY and rig is not None:
         notes.append("the log has no date: its day is the one nearest to the video's start")
-    log = _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
+    digits = last_digits(fixes)
+    notes += _about_digits(fixes, digits)
+    log = _log(fixes, _start(raw.clock, fixes, rig, path), digits, notes, path)
     return replace(log, airborne=raw.airborne, doubts=tuple(raw.doubts))
 
 
@@ -206,7 +213,19 @@ def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float
     return start
 
 
-def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsLog:
+def _about_digits(fixes: list[Fix], digits: LastDigits) -> list[str]:
+    """Return a note if digits that the log lacks cost accuracy that its receiver had."""
+    plane_m, up_m = float(digits.steps_m[:2].max()), float(digits.steps_m[2])
+    accurate = any(fix.fix_class in _RTK for fix in fixes)
+    if not accurate or len(fixes) < _MANY or max(plane_m, up_m) < _COARSE_M:
+        return []
+    steps = f"{plane_m:.2g} m in the plane and {up_m:.2g} m in height"
+    return [
+        f"the last digits of the positions are steps of {steps}, which count as errors: export more digits"
+    ]
+
+
+def _log(fixes: list[Fix], start_s: float, digits: LastDigits, notes: list[str], path: Path) -> GpsLog:
     longitude = np.array([fix.longitude_deg for fix in fixes])
     return GpsLog(
         t_s=np.array([fix.t_s for fix in fixes]) - start_s,
@@ -222,4 +241,5 @@ def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsL
         source=path,
         skipped=tuple(notes),
         correlation=np.array([fix.correlation for fix in fixes], float),
+        rounding_m=np.tile(digits.rounding_m, (len(fixes), 1)),
     )

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_fixes import fixes_of_size
@@ -70,3 +72,15 @@ def test_the_walk_of_an_offset_since_its_first_fix_is_part_of_the_noise_of_the_o
     walked_m = errors.walk_m * np.sqrt(errors.rate_lasts_s * np.array([0.0, 0.1, 0.2, 0.0]))
     np.testing.assert_allclose(tied.noise_m[:, 0], np.hypot(errors.noise_m, walked_m))
     np.testing.assert_allclose(tied.noise_m[:, 2], errors.vertical * tied.noise_m[:, 0])
+
+
+def test_the_errors_of_the_last_digits_are_part_of_the_noise():
+    path, fixes, rounding_m = straight_path(), fixes_at(0.1, 0.5), np.array([[0.3, 0.4, 0.5], [0.0] * 3])
+    camera, node = path.at(np.array([0.1, 0.5])), np.array([0, 1])
+
+    def noise_m(fixes):
+        seen = seen_fixes(path, fixes, LiveTimeOffset(0.0, 0.0, 0.0))
+        return node_fixes(seen, camera, node, Config()).noise_m
+
+    rounded = replace(fixes, rounding_m=rounding_m)
+    np.testing.assert_allclose(noise_m(rounded), np.hypot(noise_m(fixes), rounding_m))

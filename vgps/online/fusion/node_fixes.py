@@ -117,6 +117,8 @@ def node_fixes(seen: SeenFixes, camera: FloatArray, node: IntArray, config: Conf
         time_offset_s=seen.time_offset_s,
         axes=seen.camera[:, :3, :3],
         world_p_fix=seen.fixes.world_p_fix,
-        noise_m=np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]),
+        noise_m=np.hypot(
+            np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]), seen.fixes.rounding_m
+        ),
         tail=errors.tail,
     )

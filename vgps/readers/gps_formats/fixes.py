@@ -1,5 +1,6 @@
 """Common parts of the GPS formats, before a log is put on the video's clock."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from enum import Enum, auto
@@ -10,6 +11,7 @@ import numpy as np
 from vgps.crs import egm96
 from vgps.geodesy import to_enu
 from vgps.model import FixClass, FloatArray, GeodeticPoint
+from vgps.readers.gps_formats.last_digits import LastDigits
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 DAY_S = 86400.0
@@ -23,9 +25,6 @@ _STILL_S = 1.0  # a position repeated for longer than this is a new fix
 _STANDING_START_M_S2 = (
     10.0  # nothing that carries a camera drives off faster: tyres and rotors lift about 1 g
 )
-_DIGITS_DEG = np.outer([1.0, 1.0 / 60.0], 10.0 ** -np.arange(3.0, 9.0)).ravel()
-_ROUNDING = 1e-3  # of a step: that of 64-bit degrees is smaller
-_DEGREE_M = 111_000.0
 HIGHEST_M = 1e8  # beyond the orbits of all navigation satellites; no position is that high
 
 # quality indicator of an NMEA GGA sentence; 0 and empty mean no fix
@@ -54,7 +53,10 @@ class Clock(Enum):
 
 
 class Fix(NamedTuple):
-    """One fix; NaN where unknown. ``sigma_m`` is east, north, up; ``correlation`` of en, eu, nu, else 0."""
+    """One fix; NaN where unknown. ``sigma_m`` is east, north, up; ``correlation`` of en, eu, nu, else 0.
+
+    ``geoid_m`` is what was added to a height above the sea.
+    """
 
     t_s: float
     latitude_deg: float
@@ -67,6 +69,7 @@ class Fix(NamedTuple):
     satellites: float = np.nan
     correction_age_s: float = np.nan
     correlation: Triple = (0.0, 0.0, 0.0)
+    geoid_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,8 @@ def without_held(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
     if len(leaves) in (0, len(fixes) - 1):
         return fixes, []
     move_m = np.linalg.norm(np.diff(to_enu(GeodeticPoint(*fixes[0][1:4]), *place), axis=0)[leaves], axis=1)
-    possible_m = 0.5 * _STANDING_START_M_S2 * np.diff(t_s)[leaves] ** 2 + _last_digits_m(place[0], place[1])
+    step_m = float(np.hypot(*last_digits(fixes).steps_m[:2]))
+    possible_m = 0.5 * _STANDING_START_M_S2 * np.diff(t_s)[leaves] ** 2 + step_m
     position = np.searchsorted(leaves, np.arange(len(fixes)))
     repeats = np.diff(position, prepend=-1) == 0
     held = repeats & np.append(move_m > possible_m, False)[position]
@@ -190,12 +194,10 @@ def without_held(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
     return kept, skipped(int(held.sum()), "fix", "that repeated a position out of date")
 
 
-def _last_digits_m(latitude_deg: FloatArray, longitude_deg: FloatArray) -> float:
-    """Return the step of the last digits of a log, in degrees or minutes, along both axes together [m]."""
-    whole = np.concatenate([latitude_deg, longitude_deg])[:, None] / _DIGITS_DEG
-    rounded = (np.abs(whole - np.round(whole)) < _ROUNDING).all(axis=0)
-    step_m = _DEGREE_M * float(_DIGITS_DEG[rounded].max(initial=0.0))
-    return step_m * float(np.hypot(1.0, np.cos(np.radians(latitude_deg[0]))))
+def last_digits(fixes: Sequence[Fix]) -> LastDigits:
+    """Return the last digits of fixes as their log states them."""
+    latitude_deg, longitude_deg, height_m = np.array([fix[1:4] for fix in fixes], float).reshape(-1, 3).T
+    return LastDigits().add(latitude_deg, longitude_deg, height_m - [fix.geoid_m for fix in fixes])
 
 
 def with_a_height(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
@@ -223,7 +225,7 @@ def from_sea_level(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
     separation = np.zeros(len(fixes))
     separation[good] = egm96().height_m(place[good, 0], place[good, 1])
     raised = [
-        fix._replace(height_m=fix.height_m + added)
+        fix._replace(height_m=fix.height_m + added, geoid_m=added)
         for fix, added in zip(fixes, separation.tolist(), strict=True)
     ]
     return raised, [_ABOVE_SEA.format(float(np.median(separation[good])))]
