@@ -57,8 +57,8 @@ def test_long_after_the_offset_is_another():
 
 
 def test_the_errors_of_the_last_digits_are_those_of_each_fix():
-    classes, rounding_m = [FixClass.RTK_FIX] * 2, np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.5]])
-    found = error_covariances(fixes_of_classes(*classes, rounding_m=rounding_m), CONFIG)
+    classes, logging_sigma_m = [FixClass.RTK_FIX] * 2, np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.5]])
+    found = error_covariances(fixes_of_classes(*classes, logging_sigma_m=logging_sigma_m), CONFIG)
     added = found - error_covariances(fixes_of_classes(*classes), CONFIG)
     expected = np.zeros((3, 2, 2))
     expected[0, 0, 0], expected[2, 1, 1] = 0.3**2, 0.5**2

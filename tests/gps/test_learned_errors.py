@@ -49,7 +49,7 @@ def fixes_with(t_s, world_p_fix, fix_class):
 def test_the_errors_of_the_last_digits_are_not_learned_again():
     exact = log(0.01, 0.02)
     coarse = replace(exact, world_p_fix=np.round(exact.world_p_fix, 0))
-    known = replace(coarse, rounding_m=np.full((len(exact), 3), 12.0**-0.5))
+    known = replace(coarse, logging_sigma_m=np.full((len(exact), 3), 12.0**-0.5))
     assert learned(known)[DGPS].noise_m < 0.5 * learned(coarse)[DGPS].noise_m
     assert learned(known)[DGPS].walk_m < 0.5 * learned(coarse)[DGPS].walk_m
 

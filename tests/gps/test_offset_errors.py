@@ -36,17 +36,17 @@ def test_there_may_be_no_fixes():
 
 
 def test_the_errors_of_the_last_digits_add_to_noise_along_each_axis():
-    errors, rounding_m = GpsConfig().offset_errors(FixClass.RTK_FIX), np.array([0.3, 0.0, 0.4])
+    errors, added_m = GpsConfig().offset_errors(FixClass.RTK_FIX), np.array([0.3, 0.0, 0.4])
     noise_m, vertical_m = np.hypot(0.2, 0.3), np.hypot(0.2 * errors.vertical, 0.4)
     share = np.sqrt(errors.tail / (errors.tail + 3.0))
-    found = student(errors, 0.2, rounding_m).sigma_m
+    found = student(errors, 0.2, added_m).sigma_m
     np.testing.assert_allclose(found, share * np.array([noise_m, 0.2, vertical_m]))
 
 
 def test_a_step_between_two_fixes_holds_the_errors_of_the_last_digits_of_both():
     """Student's t in space with 3 degrees of freedom: gamma(3) / gamma(3/2) / (3 pi)^(3/2) at its centre."""
-    config, rounding_m = GpsConfig(), np.array([[0.3, 0.0, 0.0], [0.4, 0.0, 0.0]])
-    fixes = fixes_of_size(np.arange(2.0), np.zeros((2, 3)), np.ones(2), np.ones(2), rounding_m=rounding_m)
+    config, added_m = GpsConfig(), np.array([[0.3, 0.0, 0.0], [0.4, 0.0, 0.0]])
+    fixes = fixes_of_size(np.arange(2.0), np.zeros((2, 3)), np.ones(2), np.ones(2), logging_sigma_m=added_m)
     fixes = replace(fixes, fix_class=np.full(2, CLASSES.index(FixClass.RTK_FIX)))
     errors = config.offset_errors(FixClass.RTK_FIX)
     plane_m = np.hypot(walk_scale(errors, np.ones(1)), np.sqrt(2.0) * errors.noise_m)

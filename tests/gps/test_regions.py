@@ -20,7 +20,7 @@ def log_of(
     satellites=NAN,
     age_s=NAN,
     sigma_m=(NAN, NAN, NAN),
-    rounding_m=(0.0, 0.0, 0.0),
+    logging_sigma_m=(0.0, 0.0, 0.0),
     fix_class=FixClass.RTK_FLOAT,
 ):
     """One fix."""
@@ -32,7 +32,7 @@ def log_of(
         one(0.0),
         (fix_class,),
         sigma_m=np.array([sigma_m], dtype=float),
-        rounding_m=np.array([rounding_m], dtype=float),
+        logging_sigma_m=np.array([logging_sigma_m], dtype=float),
         hdop=one(hdop),
         satellites=one(satellites),
         correction_age_s=one(age_s),
@@ -72,7 +72,7 @@ def test_large_reported_sigmas_enlarge_the_region_and_small_ones_do_not_reduce_i
 
 
 def test_the_errors_of_the_last_digits_enlarge_every_region():
-    wide, high = region(rounding_m=(0.3, 0.5, 2.0), sigma_m=(0.01, 0.01, 0.01))
+    wide, high = region(logging_sigma_m=(0.3, 0.5, 2.0), sigma_m=(0.01, 0.01, 0.01))
     assert wide == pytest.approx(np.hypot(2.0, 2.448 * np.sqrt((0.3**2 + 0.5**2) / 2)), rel=1e-3)
     assert high == pytest.approx(np.hypot(5.0, 1.96 * 2.0))
 

@@ -74,6 +74,6 @@ def test_the_last_digits_are_those_of_all_fixes_so_far() -> None:
     intake.add(Fix(0.0, 49.00001, 8.4, 121.5, FixClass.RTK_FIX, line=1))
     intake.add(Fix(1.0, 49.0000123, 8.4, 168.91, FixClass.RTK_FIX, line=1, geoid_m=47.31))
     placed = pipeline.fix_buffer.fixes
-    steps_m = placed.rounding_m * np.sqrt(12.0)
+    steps_m = placed.logging_sigma_m * np.sqrt(12.0)
     np.testing.assert_allclose(steps_m[:, 1], [1.11, 0.0111], rtol=3e-3)
     np.testing.assert_allclose(steps_m[:, 2], 0.1)

@@ -232,6 +232,6 @@ def test_the_errors_of_the_last_digits_are_those_of_the_sentences(tmp_path, minu
     log = read_gps_log(tmp_path / "gps.nmea", AT_NOON)
     east_m = north_m * np.cos(np.radians(49.01))
     expected = np.array([east_m, north_m, up_m]) / np.sqrt(12.0)
-    np.testing.assert_allclose(log.rounding, [expected] * 10, rtol=3e-3)
+    np.testing.assert_allclose(log.logging_sigma, [expected] * 10, rtol=3e-3)
     told = "the last digits of the positions are steps of"
     assert any(told in note for note in log.skipped) == (north_m > 0.1 or up_m >= 0.1)

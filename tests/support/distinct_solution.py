@@ -40,7 +40,7 @@ def make_graph_arrays() -> dict[str, np.ndarray]:
     """Input of stage D for four frames, two fixes, one standing frame and one control point."""
     rng = np.random.default_rng(7)
     fixes = {"t_s": (2,), "r_m": (2,), "h_m": (2,), "shape": (2, 2)}
-    fixes |= dict.fromkeys(("world_p_fix", "sigma_m", "correlation", "rounding_m"), (2, 3))
+    fixes |= dict.fromkeys(("world_p_fix", "sigma_m", "correlation", "logging_sigma_m"), (2, 3))
     controls = {"uv_px": (1, 2), "world_p_point": (1, 3), "sigma_m": (1, 3), "sigma_px": (1,)}
     return {
         "offsets": rng.normal(size=(2, 3)),
@@ -124,7 +124,7 @@ def distinct_values() -> Solution:
             height_m=np.array([163.5, np.nan]),
             sigma_m=np.array([[0.01, 0.02, 0.03], [np.nan] * 3]),
             correlation=np.array([[0.5, -0.25, 0.125], [0.0] * 3]),
-            rounding_m=np.array([[0.02, 0.03, 0.29], [0.0] * 3]),
+            logging_sigma_m=np.array([[0.02, 0.03, 0.29], [0.0] * 3]),
             hdop=np.array([0.8, np.nan]),
             satellites=np.array([12.0, 11.0]),
             correction_age_s=np.array([1.0, np.nan]),

@@ -42,7 +42,7 @@ def fixes_of_size(t_s, world_p_fix, r_m, h_m, **columns):
         "lower_shape": ones,
         "sigma_m": np.full((n, 3), np.nan),
         "correlation": np.zeros((n, 3)),
-        "rounding_m": np.zeros((n, 3)),
+        "logging_sigma_m": np.zeros((n, 3)),
         "used": np.ones(n, dtype=bool),
         "correlation_s": none,
         "fix_class": np.zeros(n, dtype=np.int64),

@@ -40,6 +40,6 @@ def error_covariances(fixes: Fixes, config: GpsConfig) -> FloatArray:
             (2, vertical, errors.vertical),
         ):
             offset = variance * np.exp(-(ratio**2) * walked / (2.0 * variance))
-            noise = (ratio * one * errors.noise_m) ** 2 + fixes.rounding_m[rows, axis] ** 2
+            noise = (ratio * one * errors.noise_m) ** 2 + fixes.logging_sigma_m[rows, axis] ** 2
             result[axis][np.ix_(rows, rows)] = offset + np.diag(noise)
     return result

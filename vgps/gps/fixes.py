@@ -33,7 +33,7 @@ class Fixes:
         shape, lower_shape: (M, 2) semi-axes of the ellipsoid (22) over r and h, of either class.
         sigma_m: (M, 3) standard deviations reported by the receiver; NaN where it reports none.
         correlation: (M, 3) correlations of east and north, east and up, north and up, which go with them.
-        rounding_m: (M, 3) standard deviations of the errors of the log's last digits.
+        logging_sigma_m: (M, 3) standard deviations of what logging added to the errors.
         used: (M,) whether a fix contributes.
         correlation_s: (M,) time after which the error of a fix of this class counts as independent.
         fix_class: (M,) class, as an index of :data:`CLASSES`.
@@ -49,7 +49,7 @@ class Fixes:
     lower_shape: FloatArray
     sigma_m: FloatArray
     correlation: FloatArray
-    rounding_m: FloatArray
+    logging_sigma_m: FloatArray
     used: BoolArray
     correlation_s: FloatArray
     fix_class: IntArray
@@ -111,7 +111,7 @@ class Fixes:
             lower_shape=shape,
             sigma_m=points,
             correlation=points,
-            rounding_m=points,
+            logging_sigma_m=points,
             used=np.zeros(0, dtype=bool),
             correlation_s=n,
             fix_class=np.zeros(0, dtype=np.int64),
@@ -143,7 +143,7 @@ def fixes_in_world(log: GpsLog, world_p_fix: FloatArray, config: GpsConfig) -> F
         lower_shape=ellipsoid_shapes(lower, config),
         sigma_m=log.sigma_m,
         correlation=np.zeros((len(log), 3)) if log.correlation is None else log.correlation,
-        rounding_m=log.rounding,
+        logging_sigma_m=log.logging_sigma,
         used=np.isfinite(r_m),
         correlation_s=np.array(correlation_s),
         fix_class=np.array([CLASSES.index(name) for name in log.fix_class], dtype=np.int64),

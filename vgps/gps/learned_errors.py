@@ -97,10 +97,8 @@ def learn_errors(
         own = contributing & (fixes.fix_class == k)
         pairs = _pairs_of_class(fixes, own, path, camera_p_antenna, config)
         if pairs is not None:
-            rounding_m = float(np.sqrt(np.mean(fixes.rounding_m[own, :2] ** 2)))
-            learned[CLASSES[k]] = _posterior(
-                pairs, config.gps.offset_errors(CLASSES[k]), config.gps, rounding_m
-            )
+            added_m = float(np.sqrt(np.mean(fixes.logging_sigma_m[own, :2] ** 2)))
+            learned[CLASSES[k]] = _posterior(pairs, config.gps.offset_errors(CLASSES[k]), config.gps, added_m)
     return learned
 
 
@@ -159,7 +157,7 @@ def _compared(
     return _Pairs(*(column[few] for column in columns))
 
 
-def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig, rounding_m: float) -> LearnedErrors:
+def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig, added_m: float) -> LearnedErrors:
     """Return the root mean square of the noise under its posterior, and an upper limit of the walk.
 
     Smaller choices, as the means of the logs, would trust the shape of a log that says little about both: a
@@ -169,7 +167,7 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig, rounding_
     walk, walk_prior = _grid(errors.walk_m, errors.walk_spread, _WALKS)
     noise, noise_prior = _grid(errors.noise_m, errors.noise_spread, _NOISES)
     share, share_prior = _grid(memory.path_share, memory.path_spread, _SHARES)
-    fixed = 2.0 * (noise[:, None, None] ** 2 + rounding_m**2)
+    fixed = 2.0 * (noise[:, None, None] ** 2 + added_m**2)
     fixed = fixed + np.multiply.outer(share, pairs.length_m) ** 2
     at_random = walk_scale(errors, pairs.interval_s) / errors.walk_m
     steady = np.where(pairs.interval_s < 1.0, pairs.interval_s, at_random)

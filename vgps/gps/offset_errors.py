@@ -61,15 +61,15 @@ def one_sigma(errors: OffsetErrors) -> float:
     return float(stdtrit(errors.tail, _ONE_SIGMA))
 
 
-def student(errors: OffsetErrors, horizontal_m: float, rounding_m: FloatArray | float = 0.0) -> Gaussian:
+def student(errors: OffsetErrors, horizontal_m: float, logging_sigma_m: FloatArray | float = 0.0) -> Gaussian:
     """Return the loss of Student's t in space, as Cauchy's loss: ``k^2 = tail + 3`` and a smaller sigma.
 
     Args:
         errors: Degrees of freedom, and the ratio of the vertical scale to the horizontal one.
         horizontal_m: Scale on each horizontal axis.
-        rounding_m: (3,) standard deviations of the errors of the log's last digits.
+        logging_sigma_m: (3,) standard deviations of what logging added to the errors.
     """
-    scale_m = np.hypot(horizontal_m * np.array([1.0, 1.0, errors.vertical]), rounding_m)
+    scale_m = np.hypot(horizontal_m * np.array([1.0, 1.0, errors.vertical]), logging_sigma_m)
     east, north, up = (scale_m * np.sqrt(errors.tail / (errors.tail + 3.0))).tolist()
     return Gaussian((east, north, up), float(np.sqrt(errors.tail + 3.0)))
 
@@ -106,7 +106,7 @@ def log_walk_density(
     )
     plane = np.sqrt(walk**2 + 2.0 * noise**2)
     scale = np.hypot(np.stack([plane, plane, vertical * plane], axis=1), tolerance_m)
-    scale = np.hypot(scale, np.hypot(fixes.rounding_m[:-1], fixes.rounding_m[1:]))
+    scale = np.hypot(scale, np.hypot(fixes.logging_sigma_m[:-1], fixes.logging_sigma_m[1:]))
     norm = gammaln((tail + 3.0) / 2.0) - gammaln(tail / 2.0) - 1.5 * np.log(tail * np.pi)
     squared = np.sum((step / scale) ** 2, axis=1)
     return np.asarray(norm - np.log(scale).sum(axis=1) - (tail + 3.0) / 2.0 * np.log1p(squared / tail))

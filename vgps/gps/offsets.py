@@ -175,8 +175,8 @@ def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatAr
     means = [averaged_over_receivers(one) for one in errors]
     own = np.array([one.noise_m for one in errors])
     mean = np.array([one.noise_m for one in means])
-    rounding_m = np.linalg.norm(rows.rounding_m[:, :2], axis=1) / np.sqrt(2.0)
-    noise = np.hypot(mean, rounding_m) / np.hypot(own, rounding_m)
+    added_m = np.linalg.norm(rows.logging_sigma_m[:, :2], axis=1) / np.sqrt(2.0)
+    noise = np.hypot(mean, added_m) / np.hypot(own, added_m)
     walk = np.array([mean.walk_m / one.walk_m for mean, one in zip(means, errors, strict=True)])
     return np.concatenate([noise, walk[chain.first][~chain.starts]])
 
@@ -191,8 +191,8 @@ def _noise_losses(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> list[G
     middle_s = np.bincount(chain.offset, rows.t_s) / np.bincount(chain.offset)
     apart_s = np.abs(rows.t_s - middle_s[chain.offset])
     return [
-        student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))), rounding_m)
-        for errors, dt, rounding_m in zip(errors_of(rows, config), apart_s, rows.rounding_m, strict=True)
+        student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))), added_m)
+        for errors, dt, added_m in zip(errors_of(rows, config), apart_s, rows.logging_sigma_m, strict=True)
     ]
 
 

@@ -45,7 +45,7 @@ def enlarged(
     """Return radius (M,) and half height (M,) enlarged by DOP, satellites, age of corrections and sigmas.
 
     In this order: multiplied by :func:`geometry_factor`; plus the error of old corrections; at least the
-    region of 95 % of the errors by the receiver's sigmas; and with the errors of the log's last digits.
+    region of 95 % of the errors by the receiver's sigmas; and with what logging added to the errors.
     """
     if not config.enlarge:
         return r_m, h_m
@@ -56,7 +56,7 @@ def enlarged(
     known = np.isfinite(r_m)
     wider, higher = np.fmax(r_m, INSIDE_PLANE * along), np.fmax(h_m, INSIDE_LINE * log.sigma_m[:, 2])
     r_m, h_m = np.where(known, wider, r_m), np.where(known, higher, h_m)
-    east_m, north_m, up_m = log.rounding.T
+    east_m, north_m, up_m = log.logging_sigma.T
     plane_m = np.hypot(east_m, north_m) / np.sqrt(2.0)
     return np.hypot(r_m, INSIDE_PLANE * plane_m), np.hypot(h_m, INSIDE_LINE * up_m)
 

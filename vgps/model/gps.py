@@ -46,8 +46,8 @@ class GpsLog:
         skipped: Notes on what the reader skipped or assumed (damaged lines, missing geoid separations).
         correlation: (N, 3) correlations of the errors east and north, east and up, north and up, as reported;
             0 where there is no report. None in runs of version 0.1.
-        rounding_m: (N, 3) standard deviations of the errors of its last digits, east, north, up; 0 below a
-            centimetre's digits. None in runs of version 0.1.
+        logging_sigma_m: (N, 3) standard deviations of what logging added to the receiver's errors, by too few
+            digits or uneven time stamps. None in runs of version 0.1.
         airborne: Whether the log is that of a camera which flies.
         doubts: Those of ``skipped`` that may move every pose.
     """
@@ -65,7 +65,7 @@ class GpsLog:
     source: Path
     skipped: tuple[str, ...] = ()
     correlation: FloatArray | None = None
-    rounding_m: FloatArray | None = None
+    logging_sigma_m: FloatArray | None = None
     airborne: bool = False
     doubts: tuple[str, ...] = ()
 
@@ -73,9 +73,9 @@ class GpsLog:
         return len(self.t_s)
 
     @property
-    def rounding(self) -> FloatArray:
-        """(N, 3) ``rounding_m``, 0 where it is not known."""
-        return np.zeros((len(self), 3)) if self.rounding_m is None else self.rounding_m
+    def logging_sigma(self) -> FloatArray:
+        """(N, 3) ``logging_sigma_m``, 0 where it is not known."""
+        return np.zeros((len(self), 3)) if self.logging_sigma_m is None else self.logging_sigma_m
 
     def rows(self, rows: IntArray | BoolArray) -> "GpsLog":
         """Return the fixes of some rows, in the order given."""

@@ -67,7 +67,7 @@ class FixArchive:
     """All fixes in order of arrival, and the newest assessment of each."""
 
     def __init__(self) -> None:
-        self._rows = GrowingArray((12,))
+        self._rows = GrowingArray((15,))
         self._assessed = GrowingArray((2,))
         self._last_digits = LastDigits()
 
@@ -77,9 +77,11 @@ class FixArchive:
     def append(self, fix: Fix) -> None:
         """Append a fix; its time is on the video's clock."""
         numbers = (fix.hdop, fix.satellites, fix.correction_age_s, fix.line, _CLASSES.index(fix.fix_class))
-        self._rows.append([*fix[:4], *fix.sigma_m, *numbers])
-        self._assessed.append(np.nan)
         self._last_digits.add(*np.array(fix[1:4])[:, None] - [[0.0], [0.0], [fix.geoid_m]])
+        known = np.isfinite(fix.logging_sigma_m)
+        added_m = np.where(known, fix.logging_sigma_m, self._last_digits.rounding_m)
+        self._rows.append([*fix[:4], *fix.sigma_m, *numbers, *added_m])
+        self._assessed.append(np.nan)
 
     def times_s(self, since: int) -> FloatArray:
         """Return the times of the fixes from row ``since`` on."""
@@ -108,7 +110,7 @@ class FixArchive:
             correction_age_s=table[:, 9].copy(),
             line=table[:, 10].astype(np.int64),
             source=source,
-            rounding_m=np.tile(self._last_digits.rounding_m, (len(table), 1)),
+            logging_sigma_m=table[:, 12:].copy(),
         )
 
     def in_time_order(self) -> np.ndarray:

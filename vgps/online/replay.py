@@ -37,7 +37,7 @@ def replay(recording: Recording, stop: threading.Event, *, realtime: bool = Fals
 
 def fixes_of(log: GpsLog) -> Iterator[Fix]:
     """Yield the fixes of a log."""
-    for row in range(len(log)):
+    for row, added_m in enumerate(log.logging_sigma.tolist()):
         yield Fix(
             float(log.t_s[row]),
             float(log.latitude_deg[row]),
@@ -49,6 +49,7 @@ def fixes_of(log: GpsLog) -> Iterator[Fix]:
             float(log.hdop[row]),
             float(log.satellites[row]),
             float(log.correction_age_s[row]),
+            logging_sigma_m=(*added_m,),
         )
 
 

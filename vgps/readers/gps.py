@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from vgps.errors import GpsLogError
-from vgps.model import FixClass, GpsLog, Rig
+from vgps.geodesy import to_enu
+from vgps.model import FixClass, GeodeticPoint, GpsLog, Rig
 from vgps.readers.bag import looks_like_bag, read_bag_fixes
 from vgps.readers.gopro.gpmf import Telemetry
 from vgps.readers.gps_formats.android import looks_like_android, read_android
@@ -35,6 +36,7 @@ from vgps.readers.gps_formats.rtklib import looks_like_pos, read_pos
 from vgps.readers.gps_formats.sbf import looks_like_sbf, read_sbf
 from vgps.readers.gps_formats.ubx import looks_like_old_ubx, looks_like_ubx, read_old_ubx, read_ubx
 from vgps.readers.gps_formats.ulog import looks_like_ulog, read_ulog
+from vgps.readers.gps_formats.uneven_times import fix_times
 from vgps.readers.gps_formats.unread import remedy
 from vgps.readers.gps_formats.xml_tracks import looks_like_xml_track, read_xml_track
 from vgps.readers.table import read_bytes
@@ -127,10 +129,8 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
         )
     if raw.clock is Clock.TIME_OF_DAY and rig is not None:
         notes.append("the log has no date: its day is the one nearest to the video's start")
-    digits = last_digits(fixes)
-    notes += _about_digits(fixes, digits)
-    log = _log(fixes, _start(raw.clock, fixes, rig, path), digits, notes, path)
-    return replace(log, airborne=raw.airborne, doubts=tuple(raw.doubts))
+    log = _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
+    return replace(_as_logged(log, last_digits(fixes)), airborne=raw.airborne, doubts=tuple(raw.doubts))
 
 
 def _read(path: Path) -> RawLog:
@@ -213,11 +213,24 @@ def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float
     return start
 
 
-def _about_digits(fixes: list[Fix], digits: LastDigits) -> list[str]:
+def _as_logged(log: GpsLog, digits: LastDigits) -> GpsLog:
+    """Return the log with what digits and time stamps add to the errors of the receiver."""
+    origin = GeodeticPoint(float(log.latitude_deg[0]), float(log.longitude_deg[0]), float(log.height_m[0]))
+    place_m = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
+    times = fix_times(log.t_s, place_m[:, :2])
+    moved_m = times.sigma_s * np.gradient(place_m, times.t_s, axis=0) if times.sigma_s else 0.0
+    return replace(
+        log,
+        t_s=times.t_s,
+        logging_sigma_m=np.hypot(digits.rounding_m, np.broadcast_to(moved_m, place_m.shape)),
+        skipped=(*log.skipped, *_about_digits(log, digits), *times.notes),
+    )
+
+
+def _about_digits(log: GpsLog, digits: LastDigits) -> list[str]:
     """Return a note if digits that the log lacks cost accuracy that its receiver had."""
     plane_m, up_m = float(digits.steps_m[:2].max()), float(digits.steps_m[2])
-    accurate = any(fix.fix_class in _RTK for fix in fixes)
-    if not accurate or len(fixes) < _MANY or max(plane_m, up_m) < _COARSE_M:
+    if _RTK.isdisjoint(log.fix_class) or len(log) < _MANY or max(plane_m, up_m) < _COARSE_M:
         return []
     steps = f"{plane_m:.2g} m in the plane and {up_m:.2g} m in height"
     return [
@@ -225,7 +238,7 @@ def _about_digits(fixes: list[Fix], digits: LastDigits) -> list[str]:
     ]
 
 
-def _log(fixes: list[Fix], start_s: float, digits: LastDigits, notes: list[str], path: Path) -> GpsLog:
+def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsLog:
     longitude = np.array([fix.longitude_deg for fix in fixes])
     return GpsLog(
         t_s=np.array([fix.t_s for fix in fixes]) - start_s,
@@ -241,5 +254,4 @@ def _log(fixes: list[Fix], start_s: float, digits: LastDigits, notes: list[str],
         source=path,
         skipped=tuple(notes),
         correlation=np.array([fix.correlation for fix in fixes], float),
-        rounding_m=np.tile(digits.rounding_m, (len(fixes), 1)),
     )

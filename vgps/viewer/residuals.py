@@ -132,7 +132,7 @@ def gps_terms(solution: Solution) -> FloatArray:
         lower_shape=shape,
         sigma_m=log.sigma_m,
         correlation=np.zeros((len(log), 3)) if log.correlation is None else log.correlation,
-        rounding_m=log.rounding,
+        logging_sigma_m=log.logging_sigma,
         used=table.used,
         correlation_s=unknown,
         fix_class=np.array([CLASSES.index(name) for name in regions], dtype=np.int64),

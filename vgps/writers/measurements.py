@@ -23,7 +23,7 @@ gps.height_m                    (M,)         ellipsoidal
 gps.fix_class                   (M,)         ``rtk_fix``, ``rtk_float``, ...
 gps.sigma_m                     (M, 3)       the receiver's own, east, north, up
 gps.correlation                 (M, 3)       of these: east and north, east and up, north and up
-gps.rounding_m                  (M, 3)       standard deviations of the errors of its last digits
+gps.logging_sigma_m             (M, 3)       standard deviations of what logging added to the errors
 gps.hdop, satellites            (M,)         NaN where unknown
 gps.correction_age_s            (M,)         NaN where unknown
 gps.line                        (M,)         line of the log
@@ -65,7 +65,7 @@ graph.fixes.r_m, h_m            (M,)         region of that class
 graph.fixes.shape               (M, 2)       semi-axes of its ellipsoid over r and h
 graph.fixes.sigma_m             (M, 3)       the receiver's own, NaN if they are not believed
 graph.fixes.correlation         (M, 3)       of these, as ``gps.correlation``
-graph.fixes.rounding_m          (M, 3)       as ``gps.rounding_m``
+graph.fixes.logging_sigma_m     (M, 3)       as ``gps.logging_sigma_m``
 graph.fixes.used                (M,)         whether it has a factor, inside the video
 graph.fixes.correlation_s       (M,)         time after which its error counts as independent
 graph.errors.fix_class          (E,)         classes whose errors were learned from the recording

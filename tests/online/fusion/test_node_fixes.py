@@ -75,12 +75,12 @@ def test_the_walk_of_an_offset_since_its_first_fix_is_part_of_the_noise_of_the_o
 
 
 def test_the_errors_of_the_last_digits_are_part_of_the_noise():
-    path, fixes, rounding_m = straight_path(), fixes_at(0.1, 0.5), np.array([[0.3, 0.4, 0.5], [0.0] * 3])
+    path, fixes, logging_sigma_m = straight_path(), fixes_at(0.1, 0.5), np.array([[0.3, 0.4, 0.5], [0.0] * 3])
     camera, node = path.at(np.array([0.1, 0.5])), np.array([0, 1])
 
     def noise_m(fixes):
         seen = seen_fixes(path, fixes, LiveTimeOffset(0.0, 0.0, 0.0))
         return node_fixes(seen, camera, node, Config()).noise_m
 
-    rounded = replace(fixes, rounding_m=rounding_m)
-    np.testing.assert_allclose(noise_m(rounded), np.hypot(noise_m(fixes), rounding_m))
+    rounded = replace(fixes, logging_sigma_m=logging_sigma_m)
+    np.testing.assert_allclose(noise_m(rounded), np.hypot(noise_m(fixes), logging_sigma_m))

@@ -118,7 +118,7 @@ def node_fixes(seen: SeenFixes, camera: FloatArray, node: IntArray, config: Conf
         axes=seen.camera[:, :3, :3],
         world_p_fix=seen.fixes.world_p_fix,
         noise_m=np.hypot(
-            np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]), seen.fixes.rounding_m
+            np.hstack([noise_m, noise_m, errors.vertical[:, None] * noise_m]), seen.fixes.logging_sigma_m
         ),
         tail=errors.tail,
     )

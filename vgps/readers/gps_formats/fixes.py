@@ -55,7 +55,8 @@ class Clock(Enum):
 class Fix(NamedTuple):
     """One fix; NaN where unknown. ``sigma_m`` is east, north, up; ``correlation`` of en, eu, nu, else 0.
 
-    ``geoid_m`` is what was added to a height above the sea.
+    ``geoid_m`` is what was added to a height above the sea; ``logging_sigma_m`` as in
+    :class:`~vgps.model.GpsLog`, where it is known beside what the last digits say.
     """
 
     t_s: float
@@ -70,6 +71,7 @@ class Fix(NamedTuple):
     correction_age_s: float = np.nan
     correlation: Triple = (0.0, 0.0, 0.0)
     geoid_m: float = 0.0
+    logging_sigma_m: Triple = (np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)

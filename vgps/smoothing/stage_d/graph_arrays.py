@@ -179,7 +179,7 @@ def _fix_arrays(fixes: Fixes) -> dict[str, npt.NDArray[Any]]:
 
 def _fixes(graph: Arrays) -> Fixes:
     zero = np.zeros((len(graph["fixes.t_s"]), 3))  # absent in older runs
-    plain = {"fixes.correlation": zero, "fixes.rounding_m": zero}
+    plain = {"fixes.correlation": zero, "fixes.logging_sigma_m": zero}
     columns = {name: {**plain, **graph}[f"fixes.{name}"] for name in _fix_columns()}
     unknown = np.full((len(columns["t_s"]), 2), np.nan)
     words = [str(name) for name in CLASSES]
