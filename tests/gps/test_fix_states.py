@@ -60,8 +60,13 @@ def by_enumeration(offset, fixes, config):
             before = states[k - 1] if k else None
             same_class = k > 0 and fixes.fix_class[k] == fixes.fix_class[k - 1]
             if before in {NOMINAL, REPEATED_NOMINAL} and same_class and config.gps.has_memory:
-                lasts = config.gps.memory.persistence
-                prior[[NOMINAL, REPEATED_NOMINAL]] = (1.0 - lasts) * good, lasts * good
+                passed_s = min(fixes.t_s[k] - fixes.t_s[k - 1], 1.0)
+                good, jumps = (
+                    1.0 - passed_s * (low + bad_share),
+                    passed_s * (1.0 - config.gps.memory.persistence),
+                )
+                prior[[LOWER, OUTLIER]] *= passed_s
+                prior[[NOMINAL, REPEATED_NOMINAL]] = jumps * good, (1.0 - jumps) * good
             lower_lasts = before in {LOWER, REPEATED_LOWER} and has_lower[k]
             if lower_lasts or before in {OUTLIER, REPEATED_OUTLIER}:
                 lasts = JUDGE.persistence ** min(fixes.t_s[k] - fixes.t_s[k - 1], 1.0)
@@ -114,6 +119,14 @@ def test_six_wrong_fixes_that_agree_count_as_one_error():
     assert together.sum() > single.sum() and six.sum() < 5 * single.sum()
     assert found[1:, REPEATED_OUTLIER].min() > 0.99 and found[0, OUTLIER] > 0.99
     assert scattered[:, NOMINAL].max() < 1e-6
+
+
+@pytest.mark.parametrize("rate_hz", [1, 10, 100])
+def test_good_fixes_are_good_however_many_a_second(rate_hz):
+    t_s = np.arange(0.0, 15.0, 1.0 / rate_hz)
+    walks_m = 0.01 * np.sin(0.5 * t_s[:, None] + np.arange(3.0))
+    found, _ = state_probabilities(walks_m, fixes_at(t_s, *FIX, lower=FLOAT), CONFIG)
+    assert found[:, [NOMINAL, REPEATED_NOMINAL]].sum(axis=1).min() > 0.999
 
 
 def test_a_fix_without_a_class_below_is_never_down_classed():

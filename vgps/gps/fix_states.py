@@ -82,16 +82,20 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
 def _transitions(prior: FloatArray, fixes: Fixes, config: Config) -> FloatArray:
     """Return the transition probabilities (M - 1, 6, 6) from each fix to the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
-    lasts = config.outliers.persistence ** _at_most_a_second(fixes)
+    lasts, anew = config.outliers.persistence ** _at_most_a_second(fixes), drawn_anew(fixes, config)
+    for state in (NOMINAL, REPEATED_NOMINAL):  # goes wrong as often in a second, however many fixes that has
+        change[:, state, LOWER:] *= anew[:, None]
+        change[:, state, NOMINAL] = 1.0 - change[:, state, LOWER:].sum(axis=1)
+    jumps = 1.0 - config.gps.memory.persistence
     share = {
-        REPEATED_NOMINAL: np.where(_continued(fixes, config), config.gps.memory.persistence, 0.0),
+        REPEATED_NOMINAL: np.where(_continued(fixes, config), 1.0 - jumps * anew, 0.0),
         # a fix whose class has none below it cannot be in that state
         REPEATED_LOWER: np.where(prior[1:, LOWER] > 0.0, lasts, 0.0),
         REPEATED_OUTLIER: lasts,
     }
     for state, repeated in _REPEATED.items():
         moved = share[repeated]
-        if repeated == REPEATED_NOMINAL:  # a good fix is followed by a wrong one as often as any other is
+        if repeated == REPEATED_NOMINAL:
             moved = moved * change[:, state, NOMINAL]
             change[:, state, NOMINAL] -= moved
         else:
