@@ -38,6 +38,7 @@ def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigm
         J[:, :, 3] = 0.0
     offset = of.offsets(parameters)
     weight = loss.rows / (1.0 + np.sum((offset / loss.region_m) ** 2, axis=1) / 9.0)
+    weight *= np.append(1.0, np.minimum(np.diff(t_s), 1.0))
     scale = np.sqrt(weight)[:, None] / loss.region_m
     change = np.diff(np.eye(of.knots), axis=0, prepend=np.zeros((int(attached), of.knots)))
     walk = np.zeros((4 * len(change), len(parameters)))
@@ -51,6 +52,17 @@ def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigm
     expected = -np.linalg.lstsq(A, b, rcond=None)[0]
     step = of._step(of._at(parameters), loss)
     np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected[4:]).max())
+
+
+def test_many_fixes_a_second_count_as_one():
+    def cost(interval_s):
+        t_s = np.arange(0.0, 19.0, interval_s)
+        of = flexible(
+            trajectory(path(T_S)), fixes_at(t_s, 0.5, 0.7, offset=np.tile([0.9, 0.0, 0.0], (len(t_s), 1)))
+        )
+        return of.cost(of.start, np.ones(len(t_s), dtype=bool), of.regions())
+
+    assert cost(0.01) == pytest.approx(cost(1.0), rel=0.1)
 
 
 @pytest.mark.slow

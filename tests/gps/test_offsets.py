@@ -146,10 +146,10 @@ def test_without_memory_each_fix_is_bounded_by_itself():
     np.testing.assert_allclose(found.bounded.r_m, 2.4)
 
 
-def test_the_walk_within_the_interval_of_an_offset_is_noise():
+def test_the_walk_within_the_interval_of_an_offset_is_noise_that_its_fixes_share():
     noise = term(fixes([0.0, 0.1, 0.2])).noise  # one offset; the middle one of its fixes lies at its time
     errors = CONFIG.offset_errors(FixClass.RTK_FLOAT)
-    apart = float(np.hypot(errors.noise_m, errors.walk_m * 0.1 ** (1 / errors.tail)))
+    apart = float(np.hypot(errors.noise_m, np.sqrt(3.0) * errors.walk_m * 0.1 ** (1 / errors.tail)))
     for k, scale_m in enumerate([apart, errors.noise_m, apart]):
         found, expected = noise.at(k).noiseModel(), student(errors, scale_m).noise_model()
         assert isinstance(found, gtsam.noiseModel.Robust)  # Student's t as Cauchy's loss

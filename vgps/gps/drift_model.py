@@ -22,6 +22,7 @@ _KNOTS = 4  # parameters before those of the knots
 _TILT = slice(1, 3)  # among the four of a knot: rotation about east and north
 _HALVINGS = 8  # of a step that does not lower the cost, before the fit ends
 _FIXED_SIGMA_M = 1e-3  # prior sigma of the start of an attached path
+_COUNTS_S = 1.0  # between fixes that count in full
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends a fit
 
 
@@ -85,6 +86,8 @@ class DriftModel:
         self._attached = attached
         self._tilt_information = tilt_sigma_rad**-2
         self._config = config
+        # many fixes a second tell where the path is no better than one does
+        self._weight = np.clip(np.diff(fixes.t_s, prepend=-np.inf), 0.0, _COUNTS_S) / _COUNTS_S
 
     @property
     def start(self) -> FloatArray:
@@ -193,7 +196,7 @@ class DriftModel:
     def _cost(self, candidate: _Candidate, loss: Loss) -> float:
         squared = self._squared(candidate.offset, loss)
         of_fixes = loss.width**2 * np.log1p(squared / loss.width**2)
-        return float(of_fixes.sum() + self.prior_costs(candidate.parameters).sum())
+        return float(self._weight @ of_fixes + self.prior_costs(candidate.parameters).sum())
 
     def _squared(self, offset: FloatArray, loss: Loss) -> FloatArray:
         return np.where(loss.rows, np.sum((offset / loss.region_m) ** 2, axis=1), 0.0)
@@ -215,7 +218,8 @@ class DriftModel:
     def _equations(self, candidate: _Candidate, loss: Loss) -> DriftEquations:
         """Return the equations of the fixes, whitened and weighted by the loss."""
         placement, offset = candidate.placement, candidate.offset
-        weight = np.where(loss.rows, 1.0 / (1.0 + self._squared(offset, loss) / loss.width**2), 0.0)
+        robust = 1.0 / (1.0 + self._squared(offset, loss) / loss.width**2)
+        weight = np.where(loss.rows, self._weight * robust, 0.0)
         scale = np.sqrt(weight)[:, None] / loss.region_m  # (M, 3)
         frame, alpha = placement.frame, placement.alpha[:, None, None]
         steps = np.diff(candidate.path[:, :3, 3], axis=0)

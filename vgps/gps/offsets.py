@@ -185,14 +185,17 @@ def _noise_losses(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> list[G
     """Return the loss of each contributing fix's noise.
 
     The walk within the interval of an offset is part of the noise, else it would look like the speed of the
-    path.
+    path. It moves all fixes of the interval, so that many of them know no better.
     """
     rows = fixes.where(chain.rows)
-    middle_s = np.bincount(chain.offset, rows.t_s) / np.bincount(chain.offset)
+    count = np.bincount(chain.offset)
+    middle_s = np.bincount(chain.offset, rows.t_s) / count
     apart_s = np.abs(rows.t_s - middle_s[chain.offset])
     return [
-        student(errors, float(np.hypot(errors.noise_m, walk_scale(errors, dt))), added_m)
-        for errors, dt, added_m in zip(errors_of(rows, config), apart_s, rows.logging_sigma_m, strict=True)
+        student(errors, float(np.hypot(errors.noise_m, np.sqrt(n) * walk_scale(errors, dt))), added_m)
+        for errors, dt, n, added_m in zip(
+            errors_of(rows, config), apart_s, count[chain.offset], rows.logging_sigma_m, strict=True
+        )
     ]
 
 
