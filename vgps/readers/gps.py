@@ -28,6 +28,7 @@ from vgps.readers.gps_formats.fixes import (
 from vgps.readers.gps_formats.gps_csv import looks_like_gps_csv, read_gps_csv
 from vgps.readers.gps_formats.gpx import looks_like_gpx, read_gpx
 from vgps.readers.gps_formats.igc import looks_like_igc, read_igc
+from vgps.readers.gps_formats.interpolated import without_interpolated
 from vgps.readers.gps_formats.last_digits import LastDigits
 from vgps.readers.gps_formats.mavlink import looks_like_mavlink, read_mavlink
 from vgps.readers.gps_formats.nmea import looks_like_nmea, looks_like_nmea_without_gga, read_nmea
@@ -190,8 +191,9 @@ def _in_order(fixes: list[Fix], notes: list[str]) -> list[Fix]:
     if len(once) < len(ordered):
         notes.append(f"{counted(len(ordered) - len(once), 'fix')} at the time of another dropped")
     current, about_held = without_held(once)
-    notes += about_held
-    return current
+    own, about_others = without_interpolated(current)
+    notes += about_held + about_others
+    return own
 
 
 def _start(clock: Clock, fixes: list[Fix], rig: Rig | None, path: Path) -> float:
@@ -233,9 +235,7 @@ def _about_digits(log: GpsLog, digits: LastDigits) -> list[str]:
     if _RTK.isdisjoint(log.fix_class) or len(log) < _MANY or max(plane_m, up_m) < _COARSE_M:
         return []
     steps = f"{plane_m:.2g} m in the plane and {up_m:.2g} m in height"
-    return [
-        f"the last digits of the positions are steps of {steps}, which count as errors: export more digits"
-    ]
+    return [f"the last digits of the positions are steps of {steps}, which count as errors: log more digits"]
 
 
 def _log(fixes: list[Fix], start_s: float, notes: list[str], path: Path) -> GpsLog:
