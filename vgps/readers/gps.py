@@ -131,7 +131,8 @@ def gps_log(raw: RawLog, rig: Rig | None, path: Path) -> GpsLog:
     if raw.clock is Clock.TIME_OF_DAY and rig is not None:
         notes.append("the log has no date: its day is the one nearest to the video's start")
     log = _log(fixes, _start(raw.clock, fixes, rig, path), notes, path)
-    return replace(_as_logged(log, last_digits(fixes)), airborne=raw.airborne, doubts=tuple(raw.doubts))
+    log = replace(log, airborne=raw.airborne, doubts=tuple(raw.doubts))
+    return _as_logged(log, last_digits(fixes))
 
 
 def _read(path: Path) -> RawLog:
@@ -226,6 +227,7 @@ def _as_logged(log: GpsLog, digits: LastDigits) -> GpsLog:
         t_s=times.t_s,
         logging_sigma_m=np.hypot(digits.rounding_m, np.broadcast_to(moved_m, place_m.shape)),
         skipped=(*log.skipped, *_about_digits(log, digits), *times.notes),
+        doubts=(*log.doubts, *times.notes),
     )
 
 
