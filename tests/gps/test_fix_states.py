@@ -171,3 +171,12 @@ def test_a_long_stretch_far_from_its_region_has_probabilities_too():
     np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-9)
     assert found[:50, [NOMINAL, REPEATED_NOMINAL]].sum(axis=1).min() > 0.99
     assert found[51:, REPEATED_OUTLIER].min() > 0.9 and np.isfinite(likelihood).all()
+
+
+def test_rtk_fixes_are_good_although_they_differ_by_more_than_a_receivers_noise():
+    """An antenna on a pole that sways by centimetres: all of them were taken for RTK-floats."""
+    t_s = np.arange(0.0, 15.0, 0.1)
+    sway_m = 0.02 * np.random.default_rng(0).normal(size=(len(t_s), 3))
+    fixes = fixes_at(t_s, *FIX, lower=FLOAT)
+    found, _ = state_probabilities(sway_m, replace(fixes, fix_class=np.zeros(len(t_s), dtype=int)), CONFIG)
+    assert np.mean(found[:, [NOMINAL, REPEATED_NOMINAL]].sum(axis=1) > 0.9) > 0.97

@@ -132,7 +132,7 @@ def test_scale_and_heading_are_as_free_as_the_places_of_the_fixes_leave_them():
 
 def test_few_fixes_and_rtk_fixes_keep_the_constants_of_their_class():
     assert learned(log(0.1, 0.01, duration_s=4.0)) == {}
-    assert learned(log(0.1, 0.01, FixClass.RTK_FIX)) == {}
+    assert learned(log(0.005, 0.005, FixClass.RTK_FIX)) == {}
 
 
 def test_nothing_is_learned_of_independent_errors_or_if_the_settings_say_so():
@@ -156,3 +156,19 @@ def test_learned_errors_replace_those_of_their_class_alone():
     found = gps.offset_errors(FLOAT)
     assert (found.noise_m, found.walk_m, found.tail) == (0.2, 0.3, CONFIG.gps.offset_errors(FLOAT).tail)
     assert gps.offset_errors(DGPS) == CONFIG.gps.offset_errors(DGPS)
+
+
+@pytest.mark.parametrize(("noise_m", "interval_s"), [(0.06, 0.1), (0.06, 0.25), (0.15, 0.1)])
+def test_the_noise_of_rtk_fixes_is_found_where_no_receiver_has_so_much(noise_m, interval_s):
+    t_s = np.arange(0.05, 115.0, interval_s)
+    error = noise_m * np.random.default_rng(0).normal(size=(len(t_s), 3))
+    found = learned(fixes_with(t_s, path(t_s) + error, FixClass.RTK_FIX))[FixClass.RTK_FIX]
+    assert found.noise_m == pytest.approx(noise_m, rel=0.1)
+    assert found.walk_m == CONFIG.gps.offset_errors(FixClass.RTK_FIX).walk_m
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 1.0])
+def test_usual_rtk_fixes_keep_the_errors_of_their_class(interval_s):
+    t_s = np.arange(0.05, 115.0, interval_s)
+    error = 0.015 * np.random.default_rng(0).normal(size=(len(t_s), 3))
+    assert learned(fixes_with(t_s, path(t_s) + error, FixClass.RTK_FIX)) == {}

@@ -7,7 +7,8 @@ over a grid gives the constants for this log.
 
 A path that was bent to follow such fixes differs little from them, whatever their error is. So the first
 solution takes the errors to be as large as those of any receiver (:func:`largest_errors`), and RTK-fixes keep
-the constants of their class, since every path follows them.
+the constants of their class, since every path follows them; but for a noise that is larger than that of any
+receiver, as where their antenna is carried beside the camera.
 """
 
 from collections.abc import Mapping
@@ -20,7 +21,7 @@ from vgps.config import Config, GpsConfig
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fix_errors import region_sigmas
 from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes, independent_epochs
-from vgps.gps.neighbour_pairs import NeighbourPairs
+from vgps.gps.neighbour_pairs import MEDIAN, NeighbourPairs
 from vgps.gps.offset_errors import walk_scale
 from vgps.gps.offsets import chain_offsets
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
@@ -32,6 +33,7 @@ _LAGS_S = (0.0, 1.0, 3.0)  # noise shows in neighbours, the walk in how differen
 _MAX_PAIRS = 150  # of a class at each lag; more hardly sharpen two numbers
 _KNOWN = {"noise_spread": 0.0, "walk_spread": 0.0}
 _WALKS, _NOISES, _SHARES = 49, 25, 7  # values of the grid
+_NEAR = 1.05  # of the shortest interval
 _UPPER = 0.84  # of the posterior of the walk lies below what counts: a standard deviation above its middle
 
 
@@ -58,12 +60,16 @@ def largest_errors(config: GpsConfig) -> dict[FixClass, LearnedErrors]:
     """Return noise and walk as large as those of any receiver, of all classes but RTK-fix."""
     return {
         name: LearnedErrors(
-            errors.noise_m * float(np.exp(_LARGEST_SIGMAS * errors.noise_spread)),
+            _largest_noise(errors),
             errors.walk_m * float(np.exp(_LARGEST_SIGMAS * errors.walk_spread)),
         )
         for name, errors in config.memory.classes.items()
         if config.learns and name in config.regions and name is not FixClass.RTK_FIX
     }
+
+
+def _largest_noise(errors: OffsetErrors) -> float:
+    return errors.noise_m * float(np.exp(_LARGEST_SIGMAS * errors.noise_spread))
 
 
 def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) -> GpsConfig:
@@ -79,7 +85,7 @@ def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) ->
 def learn_errors(
     fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray, config: Config
 ) -> dict[FixClass, LearnedErrors]:
-    """Return noise and walk of the classes of a log that has enough fixes of them, RTK-fixes left out.
+    """Return noise and walk of the classes of a log that has enough fixes of them; of usual RTK-fixes none.
 
     Args:
         fixes: Fixes with their verdicts applied and their time offset removed.
@@ -92,13 +98,18 @@ def learn_errors(
         return {}
     config, learned = _of_a_placed_path(config, fixes.where(contributing)), {}
     for k in np.unique(fixes.fix_class[contributing]).tolist():
-        if not config.gps.learns or CLASSES[k] is FixClass.RTK_FIX:
+        if not config.gps.learns:
             continue
         own = contributing & (fixes.fix_class == k)
         pairs = _pairs_of_class(fixes, own, path, camera_p_antenna, config)
-        if pairs is not None:
-            added_m = float(np.sqrt(np.mean(fixes.logging_sigma_m[own, :2] ** 2)))
-            learned[CLASSES[k]] = _posterior(pairs, config.gps.offset_errors(CLASSES[k]), config.gps, added_m)
+        if pairs is None:
+            continue
+        errors = config.gps.offset_errors(CLASSES[k])
+        added_m = float(np.sqrt(np.mean(fixes.logging_sigma_m[own, :2] ** 2)))
+        if CLASSES[k] is not FixClass.RTK_FIX:
+            learned[CLASSES[k]] = _posterior(pairs, errors, config.gps, added_m)
+        elif (noise_m := _neighbours_noise(pairs, config.gps, added_m)) > _largest_noise(errors):
+            learned[CLASSES[k]] = LearnedErrors(noise_m, errors.walk_m)
     return learned
 
 
@@ -184,6 +195,14 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig, added_m: 
         noise_m=float(np.sqrt(weight.sum(axis=(0, 2)) @ noise**2)),
         walk_m=_upper_limit(walk, weight.sum(axis=(1, 2))),
     )
+
+
+def _neighbours_noise(pairs: _Pairs, config: GpsConfig, added_m: float) -> float:
+    """Return the noise on an axis by the median of the closest neighbours, beside what logging added."""
+    near = pairs.interval_s <= _NEAR * pairs.interval_s.min()
+    of_path_m = config.memory.path_share * pairs.length_m[near]
+    squared = float(np.median((pairs.difference_m[near] / MEDIAN) ** 2 - of_path_m**2))
+    return float(np.sqrt(max(squared / 2.0 - added_m**2, 0.0)))
 
 
 def _upper_limit(values: FloatArray, weight: FloatArray) -> float:

@@ -9,8 +9,10 @@ from factors import Gaussian
 from vgps.config import GpsConfig
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fixes import CLASSES, Fixes
-from vgps.model import FloatArray
+from vgps.model import FixClass, FloatArray
 
+_MANY = 8  # steps that show how large most are
+_THREE_QUARTERS = 0.75  # cumulative probability of the median of what a distribution is off its middle
 _ONE_SIGMA = 0.8413  # cumulative probability of one standard deviation of a Gaussian
 
 
@@ -93,6 +95,9 @@ def log_walk_density(
 ) -> FloatArray:
     """Return the log density (M - 1,) [1/m^3] of steps between fixes of one stretch, Student's t in space.
 
+    Steps of RTK-fixes are at least as large as most in the log are, as those of an antenna that sways beside
+    the camera: they do not tell that a fix is wrong.
+
     Args:
         step: (M - 1, 3) change of the error from each fix to the next, metres.
         fixes: In order of time.
@@ -107,6 +112,11 @@ def log_walk_density(
     plane = np.sqrt(walk**2 + 2.0 * noise**2)
     scale = np.hypot(np.stack([plane, plane, vertical * plane], axis=1), tolerance_m)
     scale = np.hypot(scale, np.hypot(fixes.logging_sigma_m[:-1], fixes.logging_sigma_m[1:]))
+    fixed = fixes.fix_class == CLASSES.index(FixClass.RTK_FIX)
+    within = fixed[1:] & fixed[:-1] & (interval_s <= config.memory.max_gap_s)
+    if within.sum() >= _MANY:
+        median_m = np.median(np.abs(step[within]), axis=0)
+        scale[within] = np.maximum(scale[within], median_m / stdtrit(tail[within, None], _THREE_QUARTERS))
     norm = gammaln((tail + 3.0) / 2.0) - gammaln(tail / 2.0) - 1.5 * np.log(tail * np.pi)
     squared = np.sum((step / scale) ** 2, axis=1)
     return np.asarray(norm - np.log(scale).sum(axis=1) - (tail + 3.0) / 2.0 * np.log1p(squared / tail))
