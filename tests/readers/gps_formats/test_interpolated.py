@@ -49,6 +49,15 @@ def test_fixes_of_every_frame_are_those_next_to_the_receivers(rate_hz, first_s):
             0.1 * np.arange(300),
             np.where(np.arange(300)[:, None] < 200, measured(np.zeros(1)), measured(0.1 * np.arange(300))),
         ),
+        # an inertial path at 100 Hz, corrected every second
+        log(
+            0.01 * np.arange(2000),
+            measured(np.zeros(1))
+            + np.stack(
+                [20.0 * np.sin(0.005 * np.arange(2000.0)), np.arange(2000.0) // 100 * 0.03, np.zeros(2000)],
+                axis=1,
+            ),
+        ),
         log(np.arange(4.0), measured(np.arange(4.0))),
         [],
     ],

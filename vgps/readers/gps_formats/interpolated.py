@@ -26,21 +26,25 @@ def without_interpolated(fixes: list[Fix]) -> tuple[list[Fix], list[str]]:
     if len(fixes) < _LEAST:
         return fixes, []
     t_s, *place = np.array([fix[:4] for fix in fixes], float).T
-    off_m = _off_the_line(t_s, to_enu(GeodeticPoint(*fixes[0][1:4]), *place))
+    place_m = to_enu(GeodeticPoint(*fixes[0][1:4]), *place)[:, :2]
+    off_m = _off_the_line(t_s, place_m)
     exact_m = float(np.median(off_m))
     own = off_m > _BEND * (exact_m + 0.1 * _EXACT_M)
     if exact_m > _EXACT_M or not _are_apart(own):
         return fixes, []
     keep = np.concatenate([[True], own, [True]])
+    between = np.stack([np.interp(t_s, t_s[keep], axis[keep]) for axis in place_m.T], axis=1)
+    if np.median(np.linalg.norm(place_m - between, axis=1)) > _EXACT_M:  # an inertial path, with corrections
+        return fixes, []
     kept = [fix for fix, its_own in zip(fixes, keep.tolist(), strict=True) if its_own]
     return kept, skipped(len(fixes) - len(kept), "fix", "interpolated between others")
 
 
 def _off_the_line(t_s: FloatArray, place_m: FloatArray) -> FloatArray:
-    """Return how far (N - 2,) places (N, 3) are from the lines between their neighbours, in the plane."""
+    """Return how far (N - 2,) places (N, 2) are from the lines between their neighbours."""
     share = ((t_s[1:-1] - t_s[:-2]) / (t_s[2:] - t_s[:-2]))[:, None]
     line = (1.0 - share) * place_m[:-2] + share * place_m[2:]
-    return np.asarray(np.linalg.norm((place_m[1:-1] - line)[:, :2], axis=1))
+    return np.asarray(np.linalg.norm(place_m[1:-1] - line, axis=1))
 
 
 def _are_apart(own: BoolArray) -> bool:
