@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from vgps.model import FloatArray
+from vgps.model import BoolArray, FloatArray
 
 _DEGREE_M = 111_000.0
 _ANGLES_DEG = np.append(10.0 ** -np.arange(3.0, 8.0), 10.0 ** -np.arange(2.0, 6.0) / 60.0)
 """Steps of decimal degrees and minutes of a centimetre and more: what is finer no receiver knows."""
 _HEIGHTS_M = 10.0 ** -np.arange(3.0)
-_TOLERANCE = 1e-3  # of a step: 64-bit degrees err by less
+_TOLERANCE = 1e-3  # of a step: minutes that a program made degrees of ten decimals err by less
+_FLAT = 1e-8  # of a step: the height of a flat path varies by more, and nothing was converted
 _UNIFORM = 12.0**-0.5  # standard deviation of an error that is uniform over a step
 
 
@@ -22,8 +23,8 @@ class LastDigits:
 
     def add(self, latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> "LastDigits":
         """Add positions (N,); heights without a geoid's that was added to them. Return this."""
-        self._angles &= _multiples(np.append(latitude_deg, longitude_deg), _ANGLES_DEG)
-        self._heights &= _multiples(np.atleast_1d(height_m), _HEIGHTS_M)
+        self._angles &= _multiples(np.append(latitude_deg, longitude_deg), _ANGLES_DEG, _TOLERANCE)
+        self._heights &= _multiples(np.atleast_1d(height_m), _HEIGHTS_M, _FLAT)
         self._latitude_deg = float(np.max(latitude_deg, initial=-90.0))
         return self
 
@@ -40,7 +41,7 @@ class LastDigits:
         return _UNIFORM * self.steps_m
 
 
-def _multiples(values: FloatArray, steps: FloatArray) -> FloatArray:
-    """Return of which steps (S,) all values (N,) are multiples."""
+def _multiples(values: FloatArray, steps: FloatArray, tolerance: float) -> BoolArray:
+    """Return of which steps (S,) all values (N,) are multiples, to some part of them."""
     whole = values[:, None] / steps
-    return np.asarray((np.abs(whole - np.round(whole)) < _TOLERANCE).all(axis=0))
+    return np.asarray((np.abs(whole - np.round(whole)) < tolerance).all(axis=0))
