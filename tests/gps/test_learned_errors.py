@@ -46,14 +46,6 @@ def fixes_with(t_s, world_p_fix, fix_class):
     )
 
 
-def test_the_errors_of_the_last_digits_are_not_learned_again():
-    exact = log(0.01, 0.02)
-    coarse = replace(exact, world_p_fix=np.round(exact.world_p_fix, 0))
-    known = replace(coarse, logging_sigma_m=np.full((len(exact), 3), 12.0**-0.5))
-    assert learned(known)[DGPS].noise_m < 0.5 * learned(coarse)[DGPS].noise_m
-    assert learned(known)[DGPS].walk_m < 0.5 * learned(coarse)[DGPS].walk_m
-
-
 def learned(fixes, camera_path=TRUE_PATH, config=CONFIG):
     return learn_errors(fixes, camera_path, np.zeros(3), config)
 
@@ -172,3 +164,11 @@ def test_usual_rtk_fixes_keep_the_errors_of_their_class(interval_s):
     t_s = np.arange(0.05, 115.0, interval_s)
     error = 0.015 * np.random.default_rng(0).normal(size=(len(t_s), 3))
     assert learned(fixes_with(t_s, path(t_s) + error, FixClass.RTK_FIX)) == {}
+
+
+def test_the_errors_of_the_last_digits_are_not_learned_again():
+    exact = log(0.01, 0.02)
+    coarse = replace(exact, world_p_fix=np.round(exact.world_p_fix, 0))
+    known = replace(coarse, logging_sigma_m=np.full((len(exact), 3), 12.0**-0.5))
+    assert learned(known)[DGPS].noise_m < 0.5 * learned(coarse)[DGPS].noise_m
+    assert learned(known)[DGPS].walk_m < 0.5 * learned(coarse)[DGPS].walk_m

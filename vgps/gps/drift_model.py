@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import DriftConfig
 from vgps.gps.drift_equations import DRIFT_DIM, DRIFTS, INTERVAL_DIM, POSITION, DriftEquations, KnotIntervals
-from vgps.gps.fixes import Fixes, Placement, antenna_at, place
+from vgps.gps.fixes import Fixes, Placement, antenna_at, place, seconds_after
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Trajectory
 
@@ -22,7 +22,6 @@ _KNOTS = 4  # parameters before those of the knots
 _TILT = slice(1, 3)  # among the four of a knot: rotation about east and north
 _HALVINGS = 8  # of a step that does not lower the cost, before the fit ends
 _FIXED_SIGMA_M = 1e-3  # prior sigma of the start of an attached path
-_COUNTS_S = 1.0  # between fixes that count in full
 _MIN_DECREASE = 1e-4  # relative decrease of the cost that ends a fit
 
 
@@ -87,7 +86,7 @@ class DriftModel:
         self._tilt_information = tilt_sigma_rad**-2
         self._config = config
         # many fixes a second tell where the path is no better than one does
-        self._weight = np.clip(np.diff(fixes.t_s, prepend=-np.inf), 0.0, _COUNTS_S) / _COUNTS_S
+        self._weight = seconds_after(fixes)
 
     @property
     def start(self) -> FloatArray:

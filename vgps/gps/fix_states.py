@@ -15,7 +15,7 @@ from math import gamma
 import numpy as np
 
 from vgps.config import Config, OutlierConfig
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import Fixes, seconds_after
 from vgps.gps.offset_errors import log_walk_density
 from vgps.model import BoolArray, FloatArray
 
@@ -82,7 +82,7 @@ def _prior(fixes: Fixes, config: Config) -> FloatArray:
 def _transitions(prior: FloatArray, fixes: Fixes, config: Config) -> FloatArray:
     """Return the transition probabilities (M - 1, 6, 6) from each fix to the next."""
     change = np.repeat(prior[1:, None, :], prior.shape[1], axis=1)
-    lasts, anew = config.outliers.persistence ** _at_most_a_second(fixes), drawn_anew(fixes, config)
+    lasts, anew = config.outliers.persistence ** seconds_after(fixes)[1:], drawn_anew(fixes, config)
     for state in (NOMINAL, REPEATED_NOMINAL):  # goes wrong as often in a second, however many fixes that has
         change[:, state, LOWER:] *= anew[:, None]
         change[:, state, NOMINAL] = 1.0 - change[:, state, LOWER:].sum(axis=1)
@@ -109,12 +109,7 @@ def drawn_anew(fixes: Fixes, config: Config) -> FloatArray:
 
     All of it after a second, or where a fix does not continue the stretch of the one before.
     """
-    return np.where(_continued(fixes, config), _at_most_a_second(fixes), 1.0)
-
-
-def _at_most_a_second(fixes: Fixes) -> FloatArray:
-    """Return the time (M - 1,) from each fix to the next, at most a second."""
-    return np.asarray(np.clip(np.diff(fixes.t_s), 0.0, 1.0))
+    return np.where(_continued(fixes, config), seconds_after(fixes)[1:], 1.0)
 
 
 def _continued(fixes: Fixes, config: Config) -> BoolArray:

@@ -260,6 +260,11 @@ def independent_epochs(fixes: Fixes) -> FloatArray:
     return np.asarray(np.minimum(interval_s / fixes.correlation_s, 1.0))
 
 
+def seconds_after(fixes: Fixes) -> FloatArray:
+    """Return the time (M,) from the fix before to each, at most a second, as for the first."""
+    return np.asarray(np.clip(np.diff(fixes.t_s, prepend=-np.inf), 0.0, 1.0))
+
+
 def gps_graph(
     fixes: Fixes,
     frame_t_s: FloatArray,

@@ -233,7 +233,9 @@ def _as_logged(log: GpsLog, digits: LastDigits) -> GpsLog:
 
 def _about_digits(log: GpsLog, digits: LastDigits) -> list[str]:
     """Return a note if digits that the log lacks cost accuracy that its receiver had."""
-    plane_m, up_m = float(digits.steps_m[:2].max()), float(digits.steps_m[2]) * bool(np.ptp(log.height_m))
+    plane_m, up_m = float(digits.steps_m[:2].max()), float(digits.steps_m[2])
+    if np.ptp(log.height_m) == 0.0:  # nothing measured it
+        up_m = 0.0
     if _RTK.isdisjoint(log.fix_class) or len(log) < _MANY or max(plane_m, up_m) < _COARSE_M:
         return []
     steps = f"{plane_m:.2g} m in the plane and {up_m:.2g} m in height"

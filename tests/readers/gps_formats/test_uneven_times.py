@@ -6,7 +6,9 @@ import pytest
 from vgps.readers.gps_formats.uneven_times import fix_times
 
 SEEDS = range(20)
-LOGS = [(40, 1.0, 0.1), (100, 0.2, 0.02), (200, 0.1, 0.02)]
+for_each_log = pytest.mark.parametrize(
+    ("count", "interval_s", "off_s"), [(40, 1.0, 0.1), (100, 0.2, 0.02), (200, 0.1, 0.02)]
+)
 
 
 def drive(t_s):
@@ -22,9 +24,7 @@ def stamps(seed, count, interval_s, off_s):
     return even_s, even_s + rng.uniform(-off_s, off_s, count), 0.01 * rng.normal(size=(count, 2))
 
 
-@pytest.mark.parametrize(
-    ("count", "interval_s", "off_s"), [(40, 1.0, 0.1), (100, 0.2, 0.02), (200, 0.1, 0.02)]
-)
+@for_each_log
 def test_stamps_that_places_contradict_become_even(count, interval_s, off_s):
     for seed in SEEDS:
         even_s, given_s, noise_m = stamps(seed, count, interval_s, off_s)
@@ -34,9 +34,7 @@ def test_stamps_that_places_contradict_become_even(count, interval_s, off_s):
         assert np.ptp(late_s) < 0.5 * off_s and abs(late_s.mean()) < 0.5 * off_s
 
 
-@pytest.mark.parametrize(
-    ("count", "interval_s", "off_s"), [(40, 1.0, 0.1), (100, 0.2, 0.02), (200, 0.1, 0.02)]
-)
+@for_each_log
 def test_uneven_times_at_which_places_are_right_stay(count, interval_s, off_s):
     for seed in SEEDS:
         _, given_s, noise_m = stamps(seed, count, interval_s, off_s)

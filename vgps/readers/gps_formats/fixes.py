@@ -55,8 +55,8 @@ class Clock(Enum):
 class Fix(NamedTuple):
     """One fix; NaN where unknown. ``sigma_m`` is east, north, up; ``correlation`` of en, eu, nu, else 0.
 
-    ``geoid_m`` is what was added to a height above the sea; ``logging_sigma_m`` as in
-    :class:`~vgps.model.GpsLog`, where it is known beside what the last digits say.
+    ``geoid_m`` is what was added to a height above the sea; ``logging_sigma_m`` is that of
+    :class:`~vgps.model.GpsLog`, or NaN, where the last digits tell it.
     """
 
     t_s: float

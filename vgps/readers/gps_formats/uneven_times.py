@@ -13,9 +13,9 @@ from vgps.model import FloatArray
 _SMALL_M = 0.01  # that fixes move in the time by which stamps are off: no receiver is better than that
 _MOST = 0.25  # of the interval between fixes, by which they may be off
 _LEAST_FIXES = 8
-_SIGMAS = 4.0  # of the interval between fixes
+_SIGMAS = 4.0  # of the interval that stamps show, within which a whole hundredth of a second is the true one
 _CLEAR = float(np.log(100.0))  # of the ratio of the likelihoods
-_STILL_M_S3 = 1e-6
+_STILL_M_S3 = 1e-6  # added to all jerks, which may be zero
 _FOUND = (
     "the time stamps of the fixes are up to {0:.3f} s off even times, over which the positions move more "
     "smoothly: fixes have the even times"
@@ -48,7 +48,7 @@ def fix_times(t_s: FloatArray, place_m: FloatArray) -> FixTimes:
     speed_m_s = float(np.sum(np.linalg.norm(np.diff(place_m, axis=0), axis=1)) / np.ptp(t_s))
     if off_s * speed_m_s < _SMALL_M or off_s > _MOST * float(np.median(np.diff(even_s))):
         return FixTimes(t_s)
-    # Jerks of unknown size, along two axes, of which every second one is another: the log of their likelihood
+    # the log of the likelihoods' ratio, the size of jerks unknown; of two axes, but every second jerk is new
     gain = float(np.sum(np.log(_jerks(t_s, place_m) / _jerks(even_s, place_m))))
     if gain > _CLEAR:
         return FixTimes(even_s, notes=(_FOUND.format(np.abs(t_s - even_s).max()),))
@@ -75,7 +75,7 @@ def _even_times(t_s: FloatArray) -> FloatArray | None:
 
 
 def _jerks(t_s: FloatArray, place_m: FloatArray) -> FloatArray:
-    """Return the third divided differences (N - 3,) of places, and a little that keeps logs finite."""
+    """Return a sixth of the jerks (N - 3,): the third divided differences of places (N, 2) over times."""
     differences = place_m
     for order in (1, 2, 3):
         differences = np.diff(differences, axis=0) / (t_s[order:] - t_s[:-order])[:, None]
