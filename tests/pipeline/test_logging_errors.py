@@ -41,7 +41,7 @@ def test_fixes_of_five_decimals_are_believed_to_their_last_digits(smoothed):
 
 @pytest.mark.parametrize(("off_s", "most_m"), [(0.1, 0.05), (0.02, 0.12)])
 def test_fixes_stamped_when_they_came_have_even_times_or_are_that_uncertain(smoothed, off_s, most_m):
-    """With stamps up to 0.1 s off most were refused; with those up to 0.02 s sigmas were three times too small."""
+    """Taken at their stamps, those up to 0.1 s off contradict each other, and most were refused."""
     late_s = np.random.default_rng(0).uniform(-off_s, off_s, 16)
     solution, error_m = smoothed(9, late_s)
     assert error_m < most_m
