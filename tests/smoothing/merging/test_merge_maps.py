@@ -73,22 +73,20 @@ def test_a_map_without_fixes_continues_its_neighbour_with_a_warning():
     assert "too few fixes to align" in found.warnings[0]
 
 
-@pytest.mark.parametrize(("continued", "seam"), [(1, 32), (0, 31)])
-def test_where_it_meets_its_neighbour_the_motion_ties_it(continued, seam):
-    """Else nothing would, and no standard deviation of the whole run would be known."""
+@pytest.mark.parametrize("continued", [None, 0, 1])
+def test_maps_that_meet_keep_all_that_they_saw(continued):
+    """Whether fixes align both of them or one continues the other."""
     maps, _, t_s, fixes = two_maps((continued != 0, continued != 1), last=31)
-    inside = fixes.t_s < 2.5 if continued else fixes.t_s > 3.5
-    maps[continued].apply(MapUpdate(zero_motions=(ZeroMotion(seam, seam - 1, np.eye(4), np.ones(6)),)))
+    held = [ZeroMotion(frame, frame - 1, np.eye(4), np.ones(6)) for frame in (31, 33)]
+    for local_map, one in zip(maps, held, strict=True):
+        local_map.apply(MapUpdate(zero_motions=(one,)))
+    inside = {None: fixes.t_s > 0, 0: fixes.t_s > 3.5, 1: fixes.t_s < 2.5}[continued]
     found = merged(maps, t_s, fixes.where(inside))
-    assert "too few fixes to align" in found.warnings[0]
-    assert [k for k, state in enumerate(found.state) if state is FrameState.BRIDGED] == [seam]
-    assert np.flatnonzero(found.scene.unseen).tolist() == [seam]
-
-
-def test_maps_with_fixes_that_meet_keep_all_that_they_saw():
-    maps, _, t_s, fixes = two_maps(last=31)
-    found = merged(maps, t_s, fixes)
+    assert len(found.warnings) == (continued is not None)
+    assert all("too few fixes to align" in warning for warning in found.warnings)
     assert not found.scene.unseen.any() and FrameState.BRIDGED not in found.state
+    assert [one.frame for one in found.scene.zero_motions] == [31, 33]
+    assert np.flatnonzero(found.scene.torn(1)).tolist() == [31]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from solutions import make_poses
 
 from vgps.config import MotionConfig
 from vgps.smoothing.scene.motion_factors import motion_factors
-from vgps.smoothing.scene.scene import Scene
+from vgps.smoothing.scene.scene import MIN_LANDMARKS, Scene
 from vgps.solution import Observations
 
 INTERVAL_S = 0.05
@@ -22,7 +22,7 @@ def graph_of(unseen, frames=20, seam=()):
     observations = Observations(frame, landmark, np.zeros((len(frame), 2)))
     poses = np.tile(np.eye(4), (frames, 1, 1))
     scene = Scene(INTERVAL_S * np.arange(frames), poses, np.zeros((6, 3)), observations)
-    return motion_factors(scene, rows, MotionConfig())
+    return motion_factors(scene, rows, scene.torn(MIN_LANDMARKS), MotionConfig())
 
 
 def middles(unseen, seam=()):
@@ -46,9 +46,19 @@ def test_frames_in_the_middle_of_triples(unseen, expected):
     assert middles(unseen) == list(expected)
 
 
-def test_a_frame_at_the_seam_of_two_maps_ties_them():
+@pytest.mark.parametrize(
+    ("unseen", "seam", "expected"),
+    [
+        ([], 7, [6, 7]),  # the velocities of both sides and between them
+        ([7], 7, [6, 7, 8]),
+        ([7], 9, [7, 8, 9]),
+        ([], 1, [1]),
+        ([], 19, [18]),
+    ],
+)
+def test_the_frames_beside_the_seam_of_two_maps_tie_them(unseen, seam, expected):
     """Beside velocity nothing does."""
-    assert middles([7], seam=[7]) == [6, 7, 8] and middles([7], seam=[9]) == [7]
+    assert middles(unseen, seam=[seam]) == expected
 
 
 def test_a_short_gap_leaves_its_neighbours_where_they_are_however_uneven_their_steps():

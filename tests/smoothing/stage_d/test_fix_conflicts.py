@@ -77,6 +77,14 @@ def test_a_run_of_wrong_fixes_is_found_and_no_longer_bends_the_path(monkeypatch)
     assert error < 0.2 * result(log(*rows))[1]
 
 
+def test_fixes_that_are_not_used_contradict_none():
+    """They have no factor: a run whose video fell to pieces ended with a traceback."""
+    rows = [5, 6, 7, 8]
+    fixes = log(*rows)
+    found, error = result(replace(fixes, used=~np.isin(np.arange(len(fixes)), rows)))
+    assert not found.conflicts and error < 0.1
+
+
 def test_right_fixes_do_not_contradict_each_other():
     found, error = result(log())
     assert found.conflicts == () and error < 0.01

@@ -8,7 +8,7 @@ import numpy as np
 from vgps.config import Config, StartConfig
 from vgps.geometry import interpolate_poses
 from vgps.gps.fixes import Fixes
-from vgps.gps.outlier_detection import FixAssessment, detect_outliers, detects_outliers
+from vgps.gps.outlier_detection import FixAssessment, detects_outliers
 from vgps.gps.sensors import Sensors
 from vgps.mapping.between_views import pose_between_views
 from vgps.mapping.local_map import LocalMap
@@ -18,12 +18,14 @@ from vgps.model import FloatArray
 from vgps.smoothing.alignment.drift_correction import correct_drift
 from vgps.smoothing.alignment.map_alignment import Alignment, find_alignment
 from vgps.smoothing.context import SmoothingContext
+from vgps.smoothing.merging.torn_path import align_torn_path, assess_pieces, mend_torn_path
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_c.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
 
 SCALE_UNKNOWN = "position, heading and scale are arbitrary", "position and heading are arbitrary"
 """What a video alone leaves open, without and with a known scale."""
+_MOST_NAMED = 3  # parts of the path that a warning each tells of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,28 +64,40 @@ def merge_maps(
     config, antenna = context.config, sensors.camera_p_antenna
     maps = [local_map.snapshot() for local_map in maps]
     corrected = fixes.on_video_clock(sensors)
-    georeferenced, warnings = _align_maps(maps, corrected, antenna, config)
-    seams, told = _continue_maps(maps, t_s, config.mapping.edge_frames)
-    warnings += told
+    georeferenced, warnings = _place_maps(maps, t_s, corrected, antenna, config)
     assessment = FixAssessment.unassessed(len(fixes))
     if georeferenced and detects_outliers(config):
-        poses, _ = _pose_all_frames(maps, t_s)
-        assessment = detect_outliers(Trajectory(t_s, poses), corrected, antenna, config)
+        path = Trajectory(t_s, _pose_all_frames(maps, t_s)[0])
+        assessment = assess_pieces(maps, path, corrected, antenna, config)
     usable = assessment.applied(corrected)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
             if contradicts(local_map, usable, antenna, config, whole=True):
                 local_map.apply(correct_drift(local_map, usable, antenna, config))
     poses, state = _pose_all_frames(maps, t_s)
-    state = tuple(FrameState.BRIDGED if k in seams else one for k, one in enumerate(state))
     return MergedMaps(
-        scene=_scene(maps, Trajectory(t_s, poses), seams, context),
+        scene=_scene(maps, Trajectory(t_s, poses), context),
         assessment=assessment,
         state=state,
         gray=np.concatenate([local_map.gray[_positioned(local_map)] for local_map in maps]),
         georeferenced=georeferenced,
         warnings=tuple(warnings),
     )
+
+
+def _place_maps(
+    maps: Sequence[LocalMap], t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+) -> tuple[bool, list[str]]:
+    """Place all maps in one world; return whether fixes or control points define it, and warnings."""
+    georeferenced, warnings = _align_maps(maps, fixes, camera_p_antenna, config)
+    continued, told = _continue_maps(maps, t_s, config.mapping.edge_frames)
+    path = Trajectory(t_s, _pose_all_frames(maps, t_s)[0])
+    if not georeferenced and align_torn_path(maps, path, fixes, camera_p_antenna, config):
+        georeferenced, continued, warnings, told = True, list(maps), [_torn(len(maps))], []
+        path = Trajectory(t_s, _pose_all_frames(maps, t_s)[0])
+    if georeferenced and continued and config.gps.model != "none":
+        mend_torn_path(maps, continued, path, fixes, camera_p_antenna, config)
+    return georeferenced, warnings + told
 
 
 def _align_maps(
@@ -117,6 +131,14 @@ def _align_maps(
     return False, [f"{why}: {SCALE_UNKNOWN[0]}; give a GPS log or control points"]
 
 
+def _torn(maps: int) -> str:
+    """Return the warning of maps that fixes align as a whole only."""
+    return (
+        f"tracking was lost so often that none of the {maps} parts of the path has fixes that align it: they "
+        "are joined at constant velocity, and aligned as a whole; record with more light and less motion blur"
+    )
+
+
 def _uncertain(found: Alignment, start: StartConfig) -> str:
     """Return the warning of a map that was aligned with fixes that do not determine it."""
     known = f"standard deviations of {found.sigmas}"
@@ -144,14 +166,13 @@ def _uncertain(found: Alignment, start: StartConfig) -> str:
 
 def _continue_maps(
     maps: Sequence[LocalMap], t_s: FloatArray, edge_frames: int
-) -> tuple[frozenset[int], list[str]]:
+) -> tuple[list[LocalMap], list[str]]:
     """Align maps without fixes by continuing their neighbour at constant velocity.
 
     Returns:
-        The frames where such a map meets its neighbour without a gap, and warnings. These frames are left to
-        the motion model, else nothing would tie the map to the world.
+        These maps, and warnings.
     """
-    seams, warnings = set[int](), []
+    continued = []
     order = sorted(
         range(len(maps)), key=lambda k: min(abs(k - j) for j in range(len(maps)) if maps[j].aligned)
     )
@@ -162,16 +183,13 @@ def _continue_maps(
         neighbour = maps[k - 1] if before else maps[k + 1]
         to_world = _continuation(maps[k], neighbour, t_s, before, edge_frames)
         maps[k].apply(MapUpdate(similarity=to_world, aligned=True))
-        first, last = maps[k].first_posed, maps[k].next_frame - 1
-        if before and first == neighbour.next_frame:
-            seams.add(first)
-        elif not before and last == neighbour.first_posed - 1:
-            seams.add(last)
-        warnings.append(
-            f"frames {first} to {last} ({t_s[first]:.1f} to {t_s[last]:.1f} s) have too few fixes to align "
-            "them: position, heading and scale are extrapolated from the neighbouring frames"
-        )
-    return frozenset(seams), warnings
+        continued.append(maps[k])
+    spans = sorted((one.first_posed, one.next_frame - 1) for one in continued)
+    named = [f"frames {first} to {last} ({t_s[first]:.1f} to {t_s[last]:.1f} s)" for first, last in spans]
+    if len(spans) > _MOST_NAMED:
+        named = [f"{len(spans)} parts of the path between frames {spans[0][0]} and {spans[-1][1]}"]
+    extrapolated = "position, heading and scale are extrapolated from the neighbouring frames"
+    return continued, [f"{which} have too few fixes to align them: {extrapolated}" for which in named]
 
 
 def _continuation(
@@ -225,10 +243,8 @@ def _positioned(local_map: LocalMap) -> np.ndarray:
     return np.flatnonzero(np.isfinite(local_map.points[:, 0]))
 
 
-def _scene(
-    maps: Sequence[LocalMap], path: Trajectory, unseen: frozenset[int], context: SmoothingContext
-) -> Scene:
-    """Return the scene of all maps, without what is seen of some frames."""
+def _scene(maps: Sequence[LocalMap], path: Trajectory, context: SmoothingContext) -> Scene:
+    """Return the scene of all maps."""
     points, observations = [], []
     ties: list[ZeroMotion] = []
     offset = 0
@@ -237,10 +253,10 @@ def _scene(
         row_of = np.full(local_map.feature_count, -1)
         row_of[ids] = offset + np.arange(len(ids))
         log = local_map.observations()
-        known = log.rows((row_of[log.landmark] >= 0) & ~np.isin(log.frame, list(unseen)))
+        known = log.rows(row_of[log.landmark] >= 0)
         observations.append(replace(known, landmark=row_of[known.landmark]))
         points.append(local_map.points[ids])
-        ties.extend(one for one in local_map.zero_motions if one.frame not in unseen)
+        ties.extend(local_map.zero_motions)
         offset += len(ids)
     return Scene(
         path.t_s,

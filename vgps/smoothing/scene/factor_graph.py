@@ -146,11 +146,12 @@ def other_pose_factors(
     that lost theirs. What is level is assumed beside gravity, too: until the camera turns, a bias of the
     accelerometer looks like a tilt.
     """
-    unseen = scene.unseen
+    fewest = config.tracking.min_inliers
+    unseen, torn = scene.unseen, scene.torn(fewest)
     if imu is not None:
-        unseen = scene.hardly_seen(config.tracking.min_inliers)
-        unseen[imu.frame] = False
-    motion = motion_factors(scene, unseen, config.motion)
+        knots = np.isin(np.arange(len(scene.t_s)), imu.frame)
+        unseen, torn = scene.hardly_seen(fewest) & ~knots, torn & ~(knots[:-1] & knots[1:])
+    motion = motion_factors(scene, unseen, torn, config.motion)
     level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
     heights = gtsam.NonlinearFactorGraph() if scene.heights is None else scene.heights.graph()
     return joined(sensors.priors(), motion, level, heights)

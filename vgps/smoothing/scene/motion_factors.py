@@ -1,4 +1,4 @@
-"""Factors of frames without observations: standing still, or constant velocity."""
+"""Factors of frames that nothing else ties to their neighbours: standing still, or constant velocity."""
 
 from collections.abc import Sequence
 
@@ -9,23 +9,24 @@ from gtsam.symbol_shorthand import X
 from factors import constant_velocity_factor
 from vgps.config import MotionConfig
 from vgps.model import BoolArray
-from vgps.smoothing.scene.scene import MIN_LANDMARKS, Scene
+from vgps.smoothing.scene.scene import Scene
 
 _SHORT_GAP_S = 0.3  # in which an acceleration of 3 m/s^2 makes 0.03 m
 
 
 def motion_factors(
-    scene: Scene, unseen: BoolArray, config: MotionConfig, speed_scale: float = 1.0
+    scene: Scene, unseen: BoolArray, torn: BoolArray, config: MotionConfig, speed_scale: float = 1.0
 ) -> gtsam.NonlinearFactorGraph:
-    """Return zero-motion factors of standing frames, and constant velocity over unseen ones.
+    """Return zero-motion factors of standing frames, and constant velocity over what is unseen or torn.
 
-    Over a gap, and beyond the ends of the path, the velocity is that of the frames beside it. A short gap
-    takes none from them and gives them none if landmarks tie both sides: a video converted to more frames a
+    Over a gap, where the path is torn, and beyond its ends, the velocity is that of the frames beside it. A
+    short gap that tracks cross takes none from them and gives them none: a video converted to more frames a
     second shows pictures up to a frame late, by which the velocity between two may be wrong by half.
 
     Args:
         scene: Frames, with zero-motion constraints.
         unseen: (F,) frames that nothing else holds.
+        torn: (F - 1,) places between successive frames that nothing else ties, as between two maps.
         config: Densities of the motion noise.
         speed_scale: Map units per metre, for a map that has no scale yet.
     """
@@ -35,7 +36,7 @@ def motion_factors(
         relative = gtsam.Pose3(constraint.reference_T_frame)
         reference, frame = X(constraint.reference), X(constraint.frame)
         graph.push_back(gtsam.BetweenFactorPose3(reference, frame, relative, noise))
-    for middle in _middles_over(scene, unseen):
+    for middle in _middles_over(scene, unseen, torn):
         a, b, c = middle - 1, middle, middle + 1
         graph.push_back(
             constant_velocity_factor(
@@ -48,7 +49,7 @@ def motion_factors(
     return graph
 
 
-def _middles_over(scene: Scene, unseen: BoolArray) -> Sequence[int]:
+def _middles_over(scene: Scene, unseen: BoolArray, torn: BoolArray) -> Sequence[int]:
     """Return the middle frames of triples at constant velocity: unseen ones, and those beside most gaps."""
     steps = np.diff(np.concatenate([[False], unseen, [False]]).astype(int))
     before, after = np.flatnonzero(steps == 1) - 1, np.flatnonzero(steps == -1)  # the frames beside each gap
@@ -56,6 +57,8 @@ def _middles_over(scene: Scene, unseen: BoolArray) -> Sequence[int]:
     inside = (before >= 0) & (after <= last)
     short = np.zeros(len(before), dtype=bool)
     short[inside] = scene.t_s[after[inside]] - scene.t_s[before[inside]] <= _SHORT_GAP_S
-    short[short] = scene.shared_landmarks(before[short], after[short]) >= MIN_LANDMARKS
-    middles = np.unique(np.concatenate([np.flatnonzero(unseen), before[~short], after[~short]]))
+    places = np.flatnonzero(torn)
+    middles = np.unique(
+        np.concatenate([np.flatnonzero(unseen), before[~short], after[~short], places, places + 1])
+    )
     return [int(middle) for middle in middles if 1 <= middle < last]

@@ -13,6 +13,7 @@ from vgps.smoothing.scene.height_ties import HeightTies
 from vgps.smoothing.scene.rig_views import RigViews
 from vgps.solution import Observations, Trajectory
 from vgps.solver.disk_arrays import DiskArrays
+from vgps.solver.equations.landmark_groups import track_ends
 from vgps.solver.integer_sets import numbered
 
 MIN_LANDMARKS = 3
@@ -66,17 +67,24 @@ class Scene:
         few[[constraint.frame for constraint in self.zero_motions]] = False
         return np.asarray(few)
 
-    def shared_landmarks(self, first: IntArray, second: IntArray) -> IntArray:
-        """Return how many landmarks (n,) are seen from both frames of pairs (n,), (n,)."""
-        rows = np.flatnonzero(np.isin(self.observations.frame, np.concatenate([first, second])))
-        rows = rows[np.argsort(self.observations.frame[rows], kind="stable")]
-        frame, landmark = self.observations.frame[rows], self.observations.landmark[rows]
+    def torn(self, fewest: int) -> BoolArray:
+        """Return the places (F - 1,) between successive frames that fewer tracks cross, and no zero motion.
 
-        def seen(one: int) -> IntArray:
-            return landmark[slice(*np.searchsorted(frame, [one, one + 1]))]
-
-        pairs = zip(first.tolist(), second.tolist(), strict=True)
-        return np.array([len(np.intersect1d(seen(a), seen(b))) for a, b in pairs], dtype=np.int64)
+        A track crosses a place if it was seen before and after it. Loops do not count: they tie what is far
+        apart in time.
+        """
+        frame, landmark = self.observations.frame, self.observations.landmark
+        if self.loop is not None:
+            frame, landmark = frame[self.loop < 0], landmark[self.loop < 0]
+        first, last = track_ends(frame, landmark, len(self.points))
+        stands = [sorted((held.reference, held.frame)) for held in self.zero_motions]
+        held = np.array(stands, dtype=np.int64).reshape(-1, 2).T
+        begin, end = (
+            np.bincount(tracks[first < last], minlength=len(self.t_s))
+            + fewest * np.bincount(stand, minlength=len(self.t_s))
+            for tracks, stand in zip((first, last), held, strict=True)
+        )
+        return np.asarray(np.cumsum(begin - end)[:-1] < fewest)
 
     def with_observations(self, kept: BoolArray) -> "Scene":
         """Return the scene with some of its observations (N,)."""

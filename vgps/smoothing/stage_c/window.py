@@ -74,7 +74,8 @@ def optimise_window(
         graph = gps_and_motion(scene, fixes, Sensors.fixed(camera_p_antenna), context)
     else:
         speed = _typical_speed(scene.trajectory)
-        graph = motion_factors(scene, scene.unseen, config.motion, speed)
+        torn = scene.torn(config.tracking.min_inliers)
+        graph = motion_factors(scene, scene.unseen, torn, config.motion, speed)
     tied = local_map.aligned and (config.gps.model != "none" or len(scene.controls.frame) > 0)
     if starts := not fixed.any():
         graph.push_back(start_priors(scene.poses, local_map.aligned, tied))

@@ -187,8 +187,8 @@ def frame_change(window: WindowScene, context: SmoothingContext) -> GraphChange:
         for one in scene.zero_motions
         if one.frame + offset >= window.new and one.reference + offset >= window.begin
     )
-    all_seen = np.zeros(len(scene.t_s), dtype=bool)  # else the window is not for iSAM2
-    factors = motion_factors(replace(scene, zero_motions=motions), all_seen, config.motion)
+    none = np.zeros(len(scene.t_s), dtype=bool)  # is unseen, else the window is not for iSAM2
+    factors = motion_factors(replace(scene, zero_motions=motions), none, none[1:], config.motion)
     controls = context.controls.between(window.new, window.newest)
     sigma_px = control_sigma_px(
         controls, scene.poses[window.new - offset :], context.K, config.start.control_sigma_px

@@ -73,7 +73,7 @@ def _stretches(given: BatchInput, fixes: Fixes) -> Iterator[tuple[IntArray, tupl
     """
     placement = place(given.scene.t_s, fixes.t_s)
     rtk = fixes.fix_class == CLASSES.index(FixClass.RTK_FIX)
-    rows = np.flatnonzero(rtk & np.isfinite(fixes.r_m) & placement.inside)
+    rows = np.flatnonzero(rtk & fixes.used & np.isfinite(fixes.r_m) & placement.inside)
     gaps = np.flatnonzero(np.diff(fixes.t_s[rows]) > given.context.config.gps.memory.max_gap_s) + 1
     if not len(rows):
         return

@@ -7,10 +7,9 @@ import numpy as np
 
 from vgps.imu.start import start_states
 from vgps.imu.states import ImuStates, bias_key, velocity_key
-from vgps.model import BoolArray, FloatArray, IntArray
+from vgps.model import BoolArray, FloatArray
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.scene import Scene
-from vgps.solver.equations.landmark_groups import track_ends
 from vgps.solver.marginals import Covariances
 from vgps.solver.problem import BundleProblem
 from vgps.solver.state_vectors import StateVector
@@ -30,21 +29,11 @@ def weakly_held_frames(scene: Scene, fewest: int) -> BoolArray:
     These are frames with fewer than ``fewest`` observations that do not stand still, with their neighbours,
     and the frames on either side of a place that fewer tracks cross, as between maps.
     """
-    few, seam = scene.hardly_seen(fewest), _crossing_tracks(scene) < fewest
+    few, torn = scene.hardly_seen(fewest), scene.torn(fewest)
     loose = few.copy()
-    loose[1:] |= few[:-1] | seam
-    loose[:-1] |= few[1:] | seam
+    loose[1:] |= few[:-1] | torn
+    loose[:-1] |= few[1:] | torn
     return np.asarray(loose)
-
-
-def _crossing_tracks(scene: Scene) -> IntArray:
-    """Return the number (F - 1,) of tracks from each frame or an earlier one to the next or a later one."""
-    frame, landmark = scene.observations.frame, scene.observations.landmark
-    if scene.loop is not None:
-        frame, landmark = frame[scene.loop < 0], landmark[scene.loop < 0]
-    first, last = track_ends(frame, landmark, len(scene.points))
-    begin, end = (np.bincount(ends[first < last], minlength=len(scene.t_s)) for ends in (first, last))
-    return np.asarray(np.cumsum(begin - end)[:-1])
 
 
 def imu_state_vectors(imu: ImuStates) -> dict[int, StateVector]:
