@@ -46,8 +46,22 @@ def fixes_with(t_s, world_p_fix, fix_class):
     )
 
 
-def learned(fixes, camera_path=TRUE_PATH, config=CONFIG):
-    return learn_errors(fixes, camera_path, np.zeros(3), config)
+def learned(fixes, camera_path=TRUE_PATH, config=CONFIG, torn=()):
+    torn = np.isin(np.arange(len(camera_path) - 1), torn)
+    return learn_errors(fixes, camera_path, torn, np.zeros(3), config)
+
+
+def test_a_path_that_is_torn_is_no_noise_of_fixes():
+    """RTK-fixes on a path whose scale steps at each of its tears, and whose frames are missing in between."""
+    rng, t_s = np.random.default_rng(0), np.arange(0.05, 115.0)
+    fixes = fixes_with(t_s, path(t_s) + 0.005 * rng.standard_normal((len(t_s), 3)), FixClass.RTK_FIX)
+    tears = np.arange(29, 1199, 30)  # every three seconds
+    jumps = np.cumsum(np.isin(np.arange(1200), tears + 1)[:, None] * rng.normal(0.0, 2.0, (1200, 3)), axis=0)
+    poses = TRUE_PATH.world_T_camera.copy()
+    poses[:, :3, 3] += jumps
+    torn = replace(TRUE_PATH, world_T_camera=poses)
+    assert learned(fixes, torn)[FixClass.RTK_FIX].noise_m > 0.1
+    assert not learned(fixes, torn, torn=tears)
 
 
 @pytest.mark.slow

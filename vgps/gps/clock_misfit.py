@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from vgps.config import TimeOffsetConfig
 from vgps.gps.fixes import Fixes, place
+from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M
 from vgps.gps.time_offset import min_gain
@@ -108,9 +109,9 @@ def seen_antenna(path: Trajectory, camera_p_antenna: FloatArray) -> Seen:
 
 
 def misfit_at(seen: Seen, fixes: Fixes, offset_s: float, config: TimeOffsetConfig) -> Misfit:
-    """Return what the camera's displacements leave of those of the fixes within the video."""
+    """Return what the camera's displacements leave of those of the fixes within the video, not in a gap."""
     t_s = fixes.t_s - offset_s
-    inside = (t_s >= seen.t_s[0]) & (t_s <= seen.t_s[-1])
+    inside = (t_s >= seen.t_s[0]) & (t_s <= seen.t_s[-1]) & ~in_gaps(seen.t_s, t_s)
     rows = np.flatnonzero(inside[:-1] & inside[1:] & (np.diff(t_s) <= config.max_pair_s))
     if len(rows) < MIN_PAIRS:
         return Misfit(np.zeros(0), np.zeros(0), rows[:0], 0)

@@ -20,7 +20,8 @@ import numpy as np
 from vgps.config import Config, GpsConfig
 from vgps.config.gps import OffsetErrors
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes, independent_epochs
+from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes, independent_epochs, place
+from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.neighbour_pairs import MEDIAN, NeighbourPairs
 from vgps.gps.offset_errors import walk_scale
 from vgps.gps.offsets import chain_offsets
@@ -83,13 +84,16 @@ def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) ->
 
 
 def learn_errors(
-    fixes: Fixes, path: Trajectory, camera_p_antenna: FloatArray, config: Config
+    fixes: Fixes, path: Trajectory, torn: BoolArray, camera_p_antenna: FloatArray, config: Config
 ) -> dict[FixClass, LearnedErrors]:
     """Return noise and walk of the classes of a log that has enough fixes of them; of usual RTK-fixes none.
 
+    Fixes in gaps between frames say nothing of these, nor do pairs of fixes with a tear of the path between.
+
     Args:
         fixes: Fixes with their verdicts applied and their time offset removed.
-        path: The path, fitted with :func:`largest_errors`.
+        path: The path (F), fitted with :func:`largest_errors`.
+        torn: (F - 1,) places between its frames where it is torn.
         camera_p_antenna: (3,) metres.
         config: Priors of the classes, and how displacements are compared.
     """
@@ -97,11 +101,13 @@ def learn_errors(
     if not contributing.any():
         return {}
     config, learned = _of_a_placed_path(config, fixes.where(contributing)), {}
+    seen = contributing & ~in_gaps(path.t_s, fixes.t_s)
+    piece = np.append(0, np.cumsum(torn))[place(path.t_s, fixes.t_s).frame]
     for k in np.unique(fixes.fix_class[contributing]).tolist():
         if not config.gps.learns:
             continue
-        own = contributing & (fixes.fix_class == k)
-        pairs = _pairs_of_class(fixes, own, path, camera_p_antenna, config)
+        own = seen & (fixes.fix_class == k)
+        pairs = _pairs_of_class(fixes, own, piece, path, camera_p_antenna, config)
         if pairs is None:
             continue
         errors = config.gps.offset_errors(CLASSES[k])
@@ -131,11 +137,18 @@ def _of_a_placed_path(config: Config, placing: Fixes) -> Config:
 
 
 def _pairs_of_class(
-    fixes: Fixes, own: BoolArray, path: Trajectory, camera_p_antenna: FloatArray, config: Config
+    fixes: Fixes,
+    own: BoolArray,
+    piece: IntArray,
+    path: Trajectory,
+    camera_p_antenna: FloatArray,
+    config: Config,
 ) -> _Pairs | None:
-    """Return the pairs of fixes of one class (M,) within stretches: neighbours and further apart."""
+    """Return the pairs of fixes of one class (M,) within stretches, and within pieces (M,) of the path:
+    neighbours and further apart."""
     chain = chain_offsets(fixes, own, config.gps)
-    stretch: IntArray = np.cumsum(chain.starts)[chain.offset].astype(np.int64)
+    # both numbers ascend, so that their sum changes with either
+    stretch: IntArray = np.cumsum(chain.starts)[chain.offset].astype(np.int64) + piece[chain.rows]
     rows, found, before = fixes.where(chain.rows), [], 0
     since_s = rows.t_s - rows.t_s[np.searchsorted(stretch, stretch)]
     for lag_s in _LAGS_S:

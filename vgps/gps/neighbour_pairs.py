@@ -10,6 +10,7 @@ from scipy.linalg import solveh_banded
 from vgps.config import TimeOffsetConfig
 from vgps.geometry.path_smoothing import smoothed
 from vgps.gps.fixes import Fixes, place
+from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.sensors import TimeOffset
 from vgps.model import FloatArray, IntArray
@@ -31,6 +32,8 @@ def neighbour_pairs(
 ) -> "NeighbourPairs":
     """Return the pairs of fixes that are within the video for every time offset searched.
 
+    A gap between frames is none of it: there the path is a guess.
+
     Args:
         path: In the world, at approximately the right scale.
         fixes: Fixes at the times of their time stamps; used ones are paired.
@@ -39,7 +42,8 @@ def neighbour_pairs(
         config: Selection and comparison of pairs.
     """
     t_s, reach = fixes.t_s - prior.time_offset_s, config.search_sigmas * prior.sigma_s
-    searched = fixes.where(fixes.used & (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach))
+    within = (t_s > path.t_s[0] + reach) & (t_s < path.t_s[-1] - reach) & ~in_gaps(path.t_s, t_s, reach)
+    searched = fixes.where(fixes.used & within)
     alike = np.diff(searched.fix_class) == 0
     rows = np.flatnonzero(alike & (np.diff(searched.t_s) <= config.max_pair_s))
     return NeighbourPairs(path, searched, camera_p_antenna, rows, config)

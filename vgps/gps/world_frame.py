@@ -1,11 +1,14 @@
 """The world frame of a recording, and its GPS fixes in it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GpsLogError, RecordingError
 from vgps.geodesy import to_enu
 from vgps.gps.fixes import Fixes, fixes_in_world, place
+from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.regions import region_sizes
 from vgps.model import FloatArray, GeodeticPoint, GpsLog, Recording
 from vgps.solution import GpsClock
@@ -28,8 +31,9 @@ def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | N
     usable = _usable(log, recording.video.times_s, config)
     if origin is None:
         origin = fix_origin(log, int(np.flatnonzero(usable)[0]))
-    position = to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m)
-    return origin, fixes_in_world(log, position, config.gps)
+    fixes = fixes_in_world(log, to_enu(origin, log.latitude_deg, log.longitude_deg, log.height_m), config.gps)
+    seen = ~in_gaps(recording.video.times_s, _configured_clock(config).on_video(log.t_s))
+    return origin, replace(fixes, used=fixes.used & seen)
 
 
 def fix_origin(log: GpsLog, row: int) -> GeodeticPoint:
@@ -42,8 +46,7 @@ def fix_origin(log: GpsLog, row: int) -> GeodeticPoint:
 def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
     """Return which fixes (M,) are within the video and of a class with a region."""
     r_m, _ = region_sizes(log.fix_class, config.gps)
-    clock = GpsClock(config.sensors.time_offset_s, config.sensors.clock_rate)
-    usable = np.isfinite(r_m) & place(times_s, clock.on_video(log.t_s)).inside
+    usable = np.isfinite(r_m) & place(times_s, _configured_clock(config).on_video(log.t_s)).inside
     if usable.sum() < _MIN_FIXES:
         classes = ", ".join(sorted(set(log.fix_class)))
         raise GpsLogError(
@@ -54,6 +57,10 @@ def _usable(log: GpsLog, times_s: FloatArray, config: Config) -> np.ndarray:
             "with --survey",
         )
     return np.asarray(usable)
+
+
+def _configured_clock(config: Config) -> GpsClock:
+    return GpsClock(config.sensors.time_offset_s, config.sensors.clock_rate)
 
 
 def _given_origin(recording: Recording) -> GeodeticPoint | None:

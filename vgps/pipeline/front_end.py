@@ -12,6 +12,7 @@ from vgps.config import Config
 from vgps.errors import GeometryError
 from vgps.gps.clock_search import ClockCheck
 from vgps.gps.fixes import Fixes
+from vgps.gps.frame_gaps import frame_gaps, in_gaps
 from vgps.gps.sensors import Sensors
 from vgps.gps.world_frame import world_fixes
 from vgps.imu.camera_imu import CameraImu, used_imu
@@ -203,6 +204,7 @@ def front_end_of(
             *getattr(recording.video, "warnings", ()),
             *frame_pipeline.warnings,
             *_repeats(frame_pipeline),
+            *_gaps(frame_pipeline),
             *_failures(frame_pipeline),
             *_unused(recording.camera),
         ),
@@ -225,6 +227,21 @@ def _repeats(frame_pipeline: FramePipeline) -> tuple[str, ...]:
     return (
         f"{len(repeats)} of {len(t_s)} frames repeat the picture before them while the camera moves on, the "
         f"first at {t_s[repeats[0]]:.2f} s: they have poses between those of their neighbours",
+    )
+
+
+def _gaps(frame_pipeline: FramePipeline) -> tuple[str, ...]:
+    t_s, fixes = frame_pipeline.t_s, frame_pipeline.fix_buffer.fixes
+    unused = int(np.sum(in_gaps(t_s, fixes.t_s) & ~fixes.used & np.isfinite(fixes.r_m)))
+    if not unused:
+        return ()
+    gaps = frame_gaps(t_s)
+    begin_s, end_s = (t_s[gaps + beside] for beside in (0, 1))
+    longest = int(np.argmax(end_s - begin_s))
+    gap = f"{end_s[longest] - begin_s[longest]:.1f} s from {begin_s[longest]:.2f} s on"
+    return (
+        f"frames are missing, for up to {gap}: what the camera did in such gaps is unknown, and the "
+        f"fixes in them ({unused}) are not used",
     )
 
 

@@ -31,6 +31,7 @@ from vgps.runtime.timing import StageTimer
 from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
 from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
 from vgps.smoothing.alignment.similarity import align
+from vgps.smoothing.merging.torn_path import untorn_path
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import GpsClock, Trajectory
 
@@ -140,7 +141,9 @@ def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
     """
     # with other settings the fixes would bend the path where maps are merged
     context = alone.context(config.with_gps("none"))
-    path = levelled(merged_maps(alone, context).scene.trajectory, config.start)
+    scene = merged_maps(alone, context).scene
+    path = untorn_path(scene.trajectory, scene, fixes, config.tracking.min_inliers)
+    path = levelled(path, config.start)
     antenna, settings = alone.sensors.camera_p_antenna, config.sensors
     mirrored = mirrored_share(path, fixes, antenna, settings) is not None
     turned_deg = camera_turned_deg(path, config.start, upside_down=mirrored)
@@ -202,6 +205,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     path, settings = _seen(merged.scene), config.sensors
     try:
         video = _among(video_alone(front_end, merged, config), path)
+        video = untorn_path(video, merged.scene, fixes, config.tracking.min_inliers)
     except GeometryError:  # stage D says why
         return front_end
     steady = fixes.without_clock_rate(sensors)

@@ -130,8 +130,9 @@ class _State:
 
 def _with_fix_errors(state: _State, fixes: Fixes) -> _State:
     """Return the state with the noise and the walk of the fixes' errors learned from the path."""
-    antenna, config = state.sensors.camera_p_antenna, state.context.config
-    errors = learn_errors(state.usable(fixes), state.scene.trajectory, antenna, config)
+    antenna, config, scene = state.sensors.camera_p_antenna, state.context.config, state.scene
+    torn = scene.torn(config.tracking.min_inliers)
+    errors = learn_errors(state.usable(fixes), scene.trajectory, torn, antenna, config)
     return replace(state, errors=errors)
 
 
