@@ -42,7 +42,7 @@ def test_a_banded_step_is_that_of_the_dense_equations(attached, time_offset_sigm
     scale = np.sqrt(weight)[:, None] / loss.region_m
     change = np.diff(np.eye(of.knots), axis=0, prepend=np.zeros((int(attached), of.knots)))
     walk = np.zeros((4 * len(change), len(parameters)))
-    walk[:, 4:] = np.kron(change, np.diag(1.0 / of._sigma))
+    walk[:, 4:] = np.kron(change, np.eye(4)) / of._sigma.ravel()[:, None]
     held = np.zeros((6, len(parameters)))
     held[:3, :3] = attached * np.eye(3) / 1e-3
     held[3, 3] = 1.0 / (time_offset_sigma_s or 1.0)
@@ -76,7 +76,7 @@ def test_the_fit_is_the_minimum_that_scipy_finds(attached):
     def residual(parameters):
         away2 = np.sum((of.offsets(parameters) / loss.region_m) ** 2, axis=1)
         knots = parameters[4:].reshape(-1, 4)
-        change = np.diff(knots, axis=0, prepend=np.zeros((1, 4)) if attached else knots[:1]) / of._sigma
+        change = np.diff(knots, axis=0, prepend=np.zeros((1 if attached else 0, 4))) / of._sigma
         held = parameters[:3] / 1e-3 if attached else np.zeros(3)
         away = 3.0 * np.sqrt(np.log1p(away2 / 9.0))
         return np.concatenate([away, change.ravel(), parameters[3:4], held])

@@ -62,6 +62,8 @@ class DriftModel:
         tilt_sigma_rad: Prior standard deviation of the start's tilt about each horizontal axis; none by
             default. Fixes along a straight hardly show a roll about it, and the errors of coarse ones would
             turn the path upside down.
+        seams: (F - 1, 2) variances of log scale and of the rotation about each axis, rad^2, by which each
+            step may differ from the one before beyond that walk, as at the seams of several maps.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class DriftModel:
         time_offset_sigma_s: float = 0.0,
         attached: bool = False,
         tilt_sigma_rad: float = np.inf,
+        seams: FloatArray | None = None,
     ) -> None:
         poses, t_s = path.world_T_camera, path.t_s
         self.knots = 2 + int(len(poses) / config.knot_frames)
@@ -80,7 +83,10 @@ class DriftModel:
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
-        self._sigma = sigma * np.sqrt(self._intervals.spacing / config.knot_frames)
+        variance = np.tile(sigma**2 * self._intervals.spacing / config.knot_frames, (self.knots - 1, 1))
+        if seams is not None:
+            np.add.at(variance, self._intervals.of_frame[:-1], seams[:, [0, 1, 1, 1]])
+        self._sigma = np.sqrt(np.concatenate([variance[:1], variance]) if attached else variance)
         self._time_offset_sigma_s = time_offset_sigma_s
         self._attached = attached
         self._tilt_information = tilt_sigma_rad**-2
@@ -236,14 +242,15 @@ class DriftModel:
 
     def _prior(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return Hessian (K - 1, 11, 11) and gradient (K - 1, 11) of walk and start in the intervals."""
-        information = self._sigma**-2
+        information = self._sigma[-(self.knots - 1) :] ** -2
         hessian = np.zeros((self.knots - 1, INTERVAL_DIM, INTERVAL_DIM))
         gradient = np.zeros((self.knots - 1, INTERVAL_DIM))
-        hessian[:, DRIFTS, DRIFTS] = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag(information))
+        blocks = information[:, :, None] * np.eye(DRIFT_DIM)
+        hessian[:, DRIFTS, DRIFTS] = np.block([[blocks, -blocks], [-blocks, blocks]])
         pull = information * self._changes(parameters)[-(self.knots - 1) :]
         gradient[:, DRIFTS] = np.concatenate([-pull, pull], axis=1)
         if self._attached:
-            start = np.append(np.full(3, _FIXED_SIGMA_M**-2), information)
+            start = np.append(np.full(3, _FIXED_SIGMA_M**-2), self._sigma[0] ** -2)
             first = np.append(parameters[_SHIFT], parameters[_KNOTS : _KNOTS + DRIFT_DIM])
             hessian[0, : len(start), : len(start)] += np.diag(start)
             gradient[0, : len(start)] += start * first

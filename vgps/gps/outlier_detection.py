@@ -114,7 +114,11 @@ def assess_offsets(
 
 
 def detect_outliers(
-    path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
+    path: Trajectory,
+    fixes: Fixes,
+    camera_p_antenna: FloatArray,
+    config: Config,
+    seams: FloatArray | None = None,
 ) -> FixAssessment:
     """Assess the fixes within the time span of a path, which may deform as visual odometry drifts.
 
@@ -124,13 +128,16 @@ def detect_outliers(
             are not assessed.
         camera_p_antenna: (3,) metres.
         config: Priors and drift rates.
+        seams: As for :class:`vgps.gps.drift_model.DriftModel`.
     """
     inside = fixes.used & place(path.t_s, fixes.t_s).inside
     if inside.sum() < 2:
         return FixAssessment.unassessed(len(fixes))
     sigmas_s = {0.0, config.sensors.time_offset_prior_s}  # without and with a time offset
     models = [
-        DriftModel(path, fixes.where(inside), camera_p_antenna, config.drift, time_offset_sigma_s)
+        DriftModel(
+            path, fixes.where(inside), camera_p_antenna, config.drift, time_offset_sigma_s, seams=seams
+        )
         for time_offset_sigma_s in sorted(sigmas_s)
     ]
     within = _assess(models, path, fixes.where(inside), config)

@@ -11,7 +11,7 @@ from synthetic_map import away, map_of, scene
 from vgps.config import Config
 from vgps.gps.outlier_detection import detect_outliers
 from vgps.mapping.map_update import MapUpdate, Similarity
-from vgps.smoothing.merging.torn_path import align_torn_path, assess_pieces, mend_torn_path, untorn_path
+from vgps.smoothing.merging.torn_path import align_torn_path, assess_parts, mend_torn_path, untorn_path
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations, Trajectory
 
@@ -87,7 +87,7 @@ def test_fixes_are_judged_by_the_map_they_are_in():
     fixes = replace(fixes, world_p_fix=world_p_fix)
     rejected = detect_outliers(path, fixes, ANTENNA, CONFIG).rejected
     assert rejected.sum() > 1
-    by_piece = assess_pieces(maps, path, fixes, ANTENNA, CONFIG)
+    by_piece = assess_parts(maps, [], path, fixes, ANTENNA, CONFIG)
     assert np.flatnonzero(by_piece.rejected).tolist() == [bad]
     inside = (fixes.t_s <= t_s[29]) | (fixes.t_s >= t_s[30])
     np.testing.assert_array_equal(np.isfinite(by_piece.nominal), inside)

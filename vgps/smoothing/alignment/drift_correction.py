@@ -91,6 +91,7 @@ def remove_drift(
     camera_p_antenna: FloatArray,
     config: Config,
     attached: bool = False,
+    seams: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the path (F, 4, 4) without its drift, and the scale correction (F,) of each frame.
 
@@ -100,12 +101,13 @@ def remove_drift(
         camera_p_antenna: (3,) metres.
         config: Drift rates, and the priors of time offset and tilt.
         attached: Whether the path continues one that is held, so that its start does not move.
+        seams: As for :class:`vgps.gps.drift_model.DriftModel`.
     """
     tilt_sigma_rad = float(np.radians(config.start.level_sigma_deg))
 
     def model_with(time_offset_sigma_s: float) -> DriftModel:
         return DriftModel(
-            path, fixes, camera_p_antenna, config.drift, time_offset_sigma_s, attached, tilt_sigma_rad
+            path, fixes, camera_p_antenna, config.drift, time_offset_sigma_s, attached, tilt_sigma_rad, seams
         )
 
     everything = np.ones(len(fixes), dtype=bool)

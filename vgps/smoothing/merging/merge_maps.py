@@ -18,7 +18,7 @@ from vgps.model import FloatArray
 from vgps.smoothing.alignment.drift_correction import correct_drift
 from vgps.smoothing.alignment.map_alignment import Alignment, find_alignment
 from vgps.smoothing.context import SmoothingContext
-from vgps.smoothing.merging.torn_path import align_torn_path, assess_pieces, mend_torn_path
+from vgps.smoothing.merging.torn_path import align_torn_path, assess_parts, mend_torn_path
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_c.window import contradicts
 from vgps.solution import FrameState, Observations, Trajectory
@@ -64,11 +64,11 @@ def merge_maps(
     config, antenna = context.config, sensors.camera_p_antenna
     maps = [local_map.snapshot() for local_map in maps]
     corrected = fixes.on_video_clock(sensors)
-    georeferenced, warnings = _place_maps(maps, t_s, corrected, antenna, config)
+    georeferenced, continued, warnings = _place_maps(maps, t_s, corrected, antenna, config)
     assessment = FixAssessment.unassessed(len(fixes))
     if georeferenced and detects_outliers(config):
         path = Trajectory(t_s, _pose_all_frames(maps, t_s)[0])
-        assessment = assess_pieces(maps, path, corrected, antenna, config)
+        assessment = assess_parts(maps, continued, path, corrected, antenna, config)
     usable = assessment.applied(corrected)
     if georeferenced and config.gps.model != "none":
         for local_map in maps:
@@ -87,8 +87,12 @@ def merge_maps(
 
 def _place_maps(
     maps: Sequence[LocalMap], t_s: FloatArray, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
-) -> tuple[bool, list[str]]:
-    """Place all maps in one world; return whether fixes or control points define it, and warnings."""
+) -> tuple[bool, list[LocalMap], list[str]]:
+    """Place all maps in one world.
+
+    Returns:
+        Whether fixes or control points define it, the maps that continue their neighbours, and warnings.
+    """
     georeferenced, warnings = _align_maps(maps, fixes, camera_p_antenna, config)
     continued, told = _continue_maps(maps, t_s, config.mapping.edge_frames)
     path = Trajectory(t_s, _pose_all_frames(maps, t_s)[0])
@@ -97,7 +101,7 @@ def _place_maps(
         path = Trajectory(t_s, _pose_all_frames(maps, t_s)[0])
     if georeferenced and continued and config.gps.model != "none":
         mend_torn_path(maps, continued, path, fixes, camera_p_antenna, config)
-    return georeferenced, warnings + told
+    return georeferenced, continued, warnings + told
 
 
 def _align_maps(
@@ -133,9 +137,10 @@ def _align_maps(
 
 def _torn(maps: int) -> str:
     """Return the warning of maps that fixes align as a whole only."""
+    which = f"none of its {maps} parts has" if maps > 1 else "it does not have"
     return (
-        f"tracking was lost so often that none of the {maps} parts of the path has fixes that align it: they "
-        "are joined at constant velocity, and aligned as a whole; record with more light and less motion blur"
+        f"the path that the video shows is so short that {which} two fixes: it goes on at constant velocity, "
+        "and fixes near it align the whole; record with more light and less motion blur"
     )
 
 

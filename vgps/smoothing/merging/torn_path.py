@@ -5,11 +5,12 @@ neighbour, and what several such steps make wrong, or one over a long gap, the f
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from vgps.config import Config, DriftConfig
+from vgps.config import Config, MotionConfig
 from vgps.gps.fixes import Fixes, place
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers
 from vgps.mapping.local_map import LocalMap
@@ -22,11 +23,15 @@ from vgps.smoothing.alignment.similarity import align
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Trajectory
 
+_NEAR_S = 1.5  # from a map, in which the path may go on at the velocity that it has there
+_SLOW_M_S = 0.1  # at least, or scale would mean nothing
+_BESIDE_S = 0.5  # before the first map and after the last one, in which the path is as good as theirs
+
 
 def align_torn_path(
     maps: Sequence[LocalMap], path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config
 ) -> bool:
-    """Align all maps with the fixes within them as one path; return whether these suffice.
+    """Align all maps with the fixes within or near them as one path; return whether these suffice.
 
     Args:
         maps: In order of time, none of which has two fixes; each continues its neighbour.
@@ -35,17 +40,34 @@ def align_torn_path(
         camera_p_antenna: (3,) metres.
         config: Gives the prior of a level camera.
     """
-    spans_s = [map_trajectory(one).t_s[[0, -1]] for one in maps]
-    within = np.any([(fixes.t_s >= first) & (fixes.t_s <= last) for first, last in spans_s], axis=0)
-    chosen = fixes_within(path, fixes.where(within))
+    away_s = _seconds_away(maps, fixes.t_s)
+    chosen = fixes_within(path, fixes.where(away_s <= _NEAR_S))
     if len(chosen) < 2:
         return False
-    to_world = align(correspondences(path, chosen, camera_p_antenna), config.start)
+    seen = correspondences(path, chosen, camera_p_antenna)
+    off_m = config.motion.translation_density * (_seconds_away(maps, chosen.t_s) + _gap_s(maps)) ** 1.5
+    seen = replace(seen, region_m=np.hypot(seen.region_m, off_m[:, None] / np.sqrt(3.0)))
+    to_world = align(seen, config.start)
     if to_world is None:
         return False
     for local_map in maps:
         local_map.apply(MapUpdate(similarity=to_world))
     return True
+
+
+def _seconds_away(maps: Sequence[LocalMap], t_s: FloatArray) -> FloatArray:
+    """Return how far times (M,) are from the nearest map; 0 within one."""
+    begin_s, end_s = np.array([map_trajectory(one).t_s[[0, -1]] for one in maps]).T[:, :, None]
+    return np.asarray(np.maximum(np.maximum(begin_s - t_s, t_s - end_s), 0.0).min(axis=0))
+
+
+def _gap_s(maps: Sequence[LocalMap]) -> float:
+    """Return the mean time from a map to the next."""
+    return float(np.mean(_gaps_s(maps))) if len(maps) > 1 else 0.0
+
+
+def _gaps_s(maps: Sequence[LocalMap]) -> FloatArray:
+    return np.array([map_trajectory(after).t_s[0] - one.t_s[-1] for one, after in pairwise(maps)])
 
 
 def mend_torn_path(
@@ -69,55 +91,71 @@ def mend_torn_path(
     inside = fixes.where(fixes.used & place(path.t_s, fixes.t_s).inside)
     if len(inside) < 2 or path.length_m == 0.0:
         return
-    loose = config.model_copy(update={"drift": _drift_over_seams(maps, path, config)})
-    poses, scale = remove_drift(path, inside, camera_p_antenna, loose)
+    seams = _seams(maps, path, config.motion)
+    poses, scale = remove_drift(path, inside, camera_p_antenna, config, seams=seams)
     for local_map in continued:
         rows = slice(local_map.first_posed, local_map.next_frame)
         local_map.apply(move_frames(local_map, poses[rows], scale[rows]))
 
 
-def _drift_over_seams(maps: Sequence[LocalMap], path: Trajectory, config: Config) -> DriftConfig:
-    """Return the drift of a path with what it loses from map to map by random accelerations."""
-    drift, motion = config.drift, config.motion
-    gap_s = np.array([map_trajectory(after).t_s[0] - one.t_s[-1] for one, after in pairwise(maps)])
-    speed = path.length_m / float(path.t_s[-1] - path.t_s[0])
-    of_scale = np.sum(motion.translation_density**2 * 2.0 * gap_s / 3.0) / speed**2
-    of_rotation = np.sum(motion.rotation_density**2 * gap_s**3 / 3.0)
-    knots = max(len(path) / drift.knot_frames, 1.0)
-    return drift.model_copy(
-        update={
-            "scale_sigma": float(np.hypot(drift.scale_sigma, np.sqrt(of_scale / knots))),
-            "rotation_sigma_deg": float(
-                np.hypot(drift.rotation_sigma_deg, np.degrees(np.sqrt(of_rotation / knots)))
-            ),
-        }
+def _seams(maps: Sequence[LocalMap], path: Trajectory, motion: MotionConfig) -> FloatArray:
+    """Return the variances (F - 1, 2) of log scale and rotation [rad^2] that random accelerations make of the
+    velocities from each map to the next."""
+    seams, gaps_s = np.zeros((len(path) - 1, 2)), _gaps_s(maps)
+    speed = max(path.length_m / float(np.ptp(path.t_s)), _SLOW_M_S)
+    seams[[one.next_frame - 1 for one in maps[:-1]]] = np.stack(
+        [
+            motion.translation_density**2 * 2.0 * gaps_s / 3.0 / speed**2,
+            motion.rotation_density**2 * gaps_s**3 / 3.0,
+        ],
+        axis=1,
     )
+    return seams
 
 
-def assess_pieces(
+def assess_parts(
     maps: Sequence[LocalMap],
+    continued: Sequence[LocalMap],
     path: Trajectory,
     fixes: Fixes,
     camera_p_antenna: FloatArray,
     config: Config,
 ) -> FixAssessment:
-    """Assess the fixes of each map by its own path: between maps no displacement is known.
+    """Assess the fixes of each map that fixes align by its own path, of others by that of those in a row.
+
+    From a map that fixes align to another no displacement is known.
 
     Args:
         maps: In order of time, in the world.
-        path: Of all frames; those before the first map and after the last one count as theirs.
-        fixes: Fixes with the time offset removed; those between maps are not assessed.
+        continued: Those that continue their neighbours.
+        path: Of all frames.
+        fixes: Fixes with the time offset removed; those between parts are not assessed.
         camera_p_antenna: (3,) metres.
         config: Priors and drift rates.
     """
     assessment = FixAssessment.unassessed(len(fixes))
-    for k, local_map in enumerate(maps):
-        begin = local_map.first_posed if k else 0
-        end = local_map.next_frame if k + 1 < len(maps) else len(path)
+    seams = _seams(maps, path, config.motion)
+    begin_s, end_s = path.t_s[maps[0].first_posed] - _BESIDE_S, path.t_s[maps[-1].next_frame - 1] + _BESIDE_S
+    parts = _parts(maps, continued)
+    for k, (first, last) in enumerate(parts):
+        begin = first.first_posed if k else int(np.searchsorted(path.t_s, begin_s))
+        end = last.next_frame if k + 1 < len(parts) else int(np.searchsorted(path.t_s, end_s, side="right"))
         if end - begin > 1:
-            piece = Trajectory(path.t_s[begin:end], path.world_T_camera[begin:end])
-            assessment = assessment.updated(detect_outliers(piece, fixes, camera_p_antenna, config))
+            part = Trajectory(path.t_s[begin:end], path.world_T_camera[begin:end])
+            found = detect_outliers(part, fixes, camera_p_antenna, config, seams[begin : end - 1])
+            assessment = assessment.updated(found)
     return assessment
+
+
+def _parts(maps: Sequence[LocalMap], continued: Sequence[LocalMap]) -> list[tuple[LocalMap, LocalMap]]:
+    """Return the first and last map of each part: maps that continue each other without a long gap."""
+    follows = [one in continued for one in maps]
+    near = [gap_s < _NEAR_S for gap_s in _gaps_s(maps).tolist()]
+    joined = [
+        both and close for both, close in zip((a and b for a, b in pairwise(follows)), near, strict=True)
+    ]
+    begins = [k for k in range(len(maps)) if k == 0 or not joined[k - 1]]
+    return [(maps[a], maps[b - 1]) for a, b in pairwise([*begins, len(maps)])]
 
 
 def untorn_path(path: Trajectory, scene: Scene, fixes: Fixes, fewest: int) -> Trajectory:

@@ -8,10 +8,11 @@ from gtsam.symbol_shorthand import X
 
 from factors import constant_velocity_factor
 from vgps.config import MotionConfig
-from vgps.model import BoolArray
+from vgps.model import BoolArray, IntArray
 from vgps.smoothing.scene.scene import Scene
 
 _SHORT_GAP_S = 0.3  # in which an acceleration of 3 m/s^2 makes 0.03 m
+_SHORT_PIECE_S = 1.0
 
 
 def motion_factors(
@@ -57,8 +58,16 @@ def _middles_over(scene: Scene, unseen: BoolArray, torn: BoolArray) -> Sequence[
     inside = (before >= 0) & (after <= last)
     short = np.zeros(len(before), dtype=bool)
     short[inside] = scene.t_s[after[inside]] - scene.t_s[before[inside]] <= _SHORT_GAP_S
-    places = np.flatnonzero(torn)
-    middles = np.unique(
-        np.concatenate([np.flatnonzero(unseen), before[~short], after[~short], places, places + 1])
-    )
+    beside = np.concatenate([before[~short], after[~short]])
+    middles = np.unique(np.concatenate([np.flatnonzero(unseen), beside, _of_short_pieces(scene, torn)]))
     return [int(middle) for middle in middles if 1 <= middle < last]
+
+
+def _of_short_pieces(scene: Scene, torn: BoolArray) -> IntArray:
+    """Return the frames on both sides of each tear, and all of a short piece between two, which hardly has a
+    scale: some steps of such pieces, of dark pictures, were kilometres long."""
+    tears = np.flatnonzero(torn)
+    begin, end = np.append(0, tears + 1), np.append(tears, len(scene.t_s) - 1)
+    short = scene.t_s[end] - scene.t_s[begin] < _SHORT_PIECE_S
+    within = [np.arange(a, b + 1) for a, b in zip(begin[short], end[short], strict=True) if len(tears)]
+    return np.concatenate([tears, tears + 1, *within])
