@@ -14,14 +14,14 @@ from vgps.solution import Observations
 INTERVAL_S = 0.05
 
 
-def graph_of(unseen, frames=20, seam=()):
+def graph_of(unseen, frames=60, seam=()):
     """Three landmarks are seen from all frames but the unseen ones, and other ones from a seam on."""
     rows = np.isin(np.arange(frames), unseen)
     frame = np.repeat(np.flatnonzero(~rows), 3)
     landmark = np.tile(np.arange(3), np.count_nonzero(~rows)) + 3 * np.searchsorted(seam, frame, side="right")
     observations = Observations(frame, landmark, np.zeros((len(frame), 2)))
     poses = np.tile(np.eye(4), (frames, 1, 1))
-    scene = Scene(INTERVAL_S * np.arange(frames), poses, np.zeros((6, 3)), observations)
+    scene = Scene(INTERVAL_S * np.arange(frames), poses, np.zeros((9, 3)), observations)
     return motion_factors(scene, rows, scene.torn(MIN_LANDMARKS), MotionConfig())
 
 
@@ -39,7 +39,7 @@ def middles(unseen, seam=()):
         (range(7, 11), range(7, 11)),  # 0.25 s from 6 to 11
         (range(7, 13), range(6, 14)),  # 0.35 s from 6 to 13
         ([0, 1], [1, 2]),  # nothing but the velocity after it poses the beginning
-        ([19], [18]),
+        ([59], [58]),
     ],
 )
 def test_frames_in_the_middle_of_triples(unseen, expected):
@@ -49,16 +49,18 @@ def test_frames_in_the_middle_of_triples(unseen, expected):
 @pytest.mark.parametrize(
     ("unseen", "seam", "expected"),
     [
-        ([], 7, [6, 7]),  # the velocities of both sides and between them
-        ([7], 7, [6, 7, 8]),
-        ([7], 9, [7, 8, 9]),
-        ([], 1, [1]),
-        ([], 19, [18]),
+        ([], [25], [24, 25]),  # the velocities of both sides and between them
+        ([25], [25], [24, 25, 26]),
+        ([25], [27], [25, 26, 27]),
+        ([], [25, 33], range(24, 34)),  # 0.35 s of a map say little of its scale
+        ([], [7], range(1, 8)),
+        ([], [1], [1]),
+        ([], [59], [58]),
     ],
 )
 def test_the_frames_beside_the_seam_of_two_maps_tie_them(unseen, seam, expected):
     """Beside velocity nothing does."""
-    assert middles(unseen, seam=[seam]) == expected
+    assert middles(unseen, seam=seam) == list(expected)
 
 
 def test_a_short_gap_leaves_its_neighbours_where_they_are_however_uneven_their_steps():
