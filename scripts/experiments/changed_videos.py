@@ -1,4 +1,4 @@
-"""What do exposures that jump, pictures that repeat or are missing, noise and blur do to poses?
+"""What do exposures that jump, pictures that repeat or are missing, noise, blur and darkness do to poses?
 
 The videos of recordings with truth are changed as those of users are. Errors are unaligned, offline and live
 as poses came, of the frames that are the first to show their picture: where the camera was when it was taken.
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from scripts.common.both_ways import Case, print_both_ways
-from vgps.model import FloatArray, Frame, GrayImage, IntArray, Recording
+from vgps.model import BoolArray, FloatArray, Frame, GrayImage, IntArray, Recording
 from vgps.readers.video.derived_video import DerivedVideo
 
 JUMPS_S = 1.5  # the exposure jumps twice in this time
@@ -48,6 +48,18 @@ class ChangedVideo(DerivedVideo):
                 index += 1
 
 
+@dataclass(frozen=True)
+class Stretches:
+    """Stretches of a video, the last ``length_s`` of every ``period_s`` from the time 0 on."""
+
+    length_s: float
+    period_s: float
+
+    def hold(self, t_s: FloatArray | float) -> BoolArray:
+        """Return whether times are in one."""
+        return np.asarray(np.mod(t_s, self.period_s) > self.period_s - self.length_s - 1e-6)
+
+
 def as_it_is(gray: GrayImage, _: float) -> GrayImage:
     """Return the picture."""
     return gray
@@ -73,6 +85,16 @@ def blurred(sigma_px: float) -> Change:
     return lambda gray, _: np.asarray(cv2.GaussianBlur(gray, (0, 0), sigma_px), np.uint8)
 
 
+def dark(factor: float, sigma: float) -> Change:
+    """Return what a camera sees in so many times less light, with noise of so many gray values."""
+    return lambda gray, t_s: noisy(sigma)((gray / factor).astype(np.uint8), t_s)
+
+
+def black(hidden: Stretches) -> Change:
+    """Return what hides the lens in stretches of a video."""
+    return lambda gray, t_s: np.zeros_like(gray) if hidden.hold(t_s) else gray
+
+
 def converted(t_s: FloatArray, factor: float) -> Order:
     """Return pictures and times of a video with more frames a second: each shows the newest picture."""
     at_s = np.arange(t_s[0], t_s[-1], float(np.median(np.diff(t_s))) / factor)
@@ -95,6 +117,12 @@ def closest(t_s: FloatArray, factor: float) -> Order:
 def missing(t_s: FloatArray, share: float) -> Order:
     """Return pictures and times of a video that lost a share of its frames."""
     kept = np.flatnonzero(np.random.default_rng(0).random(len(t_s)) >= share)
+    return kept, t_s[kept]
+
+
+def without(t_s: FloatArray, lost: Stretches) -> Order:
+    """Return pictures and times of a video that lost stretches of frames."""
+    kept = np.flatnonzero(~lost.hold(t_s))
     return kept, t_s[kept]
 
 
@@ -125,6 +153,10 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         ("three of ten frames missing", missing(t_s, 0.3), as_it_is),
         ("noise of 15 gray values", order, noisy(15.0)),
         ("blur of 3 px", order, blurred(3.0)),
+        ("a tenth of the light, noise of 4 gray values", order, dark(10.0, 4.0)),
+        ("black for 2 s of 5", order, black(Stretches(2.0, 5.0))),
+        ("frames missing for 0.5 s of 2", without(t_s, Stretches(0.5, 2.0)), as_it_is),
+        ("frames missing for 1 s of 3", without(t_s, Stretches(1.0, 3.0)), as_it_is),
     ):
         picture, first = np.unique(shown, return_index=True)
         yield Case(name, shown_at(recording, (shown, at_s), change), first, true[picture])

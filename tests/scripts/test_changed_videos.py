@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 
 import vgps
-from scripts.experiments.changed_videos import ChangedVideo, as_it_is, cases, converted, exposed, missing
+from scripts.experiments.changed_videos import (
+    ChangedVideo,
+    Stretches,
+    as_it_is,
+    black,
+    cases,
+    converted,
+    dark,
+    exposed,
+    missing,
+    without,
+)
 
 T_S = 0.1 * np.arange(20)
 
@@ -43,6 +54,19 @@ def test_an_exposure_jumps_in_turns():
         50,
         200,
     ]
+
+
+def test_the_lens_is_hidden_at_the_end_of_each_period():
+    hidden, gray = Stretches(0.5, 2.0), np.full((2, 2), 200, np.uint8)
+    times = (0.0, 1.4, 1.5, 1.9, 2.0, 3.5)
+    assert [int(black(hidden)(gray, t_s)[0, 0]) for t_s in times] == [200, 200, 0, 0, 200, 0]
+    kept, at_s = without(T_S, hidden)
+    assert kept.tolist() == list(range(15)) and (at_s == T_S[:15]).all()
+
+
+def test_a_dark_picture_has_less_light_and_noise():
+    made = dark(10.0, 4.0)(np.full((100, 100), 200, np.uint8), 0.3)
+    assert 19.5 < made.mean() < 20.5 and 3.5 < made.std() < 4.5
 
 
 def test_the_first_frames_to_show_a_picture_count(recording):
