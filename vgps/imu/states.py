@@ -31,6 +31,11 @@ class ImuStates:
     def __len__(self) -> int:
         return len(self.frame)
 
+    @property
+    def carried(self) -> BoolArray:
+        """(K,) whether the IMU leads from the knot before to each, and on to the next."""
+        return np.asarray(np.append(True, self.linked) & np.append(self.linked, True))
+
     def moved(self, vectors: Mapping[int, FloatArray]) -> "ImuStates":
         """Return the states with the values of an optimised graph, by key."""
         velocity = np.array([vectors[velocity_key(k)] for k in range(len(self))])

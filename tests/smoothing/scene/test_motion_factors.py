@@ -7,6 +7,7 @@ from gtsam.symbol_shorthand import X
 from solutions import make_poses
 
 from vgps.config import MotionConfig
+from vgps.smoothing.scene.few_frames import thinned
 from vgps.smoothing.scene.motion_factors import motion_factors
 from vgps.smoothing.scene.scene import MIN_LANDMARKS, Scene
 from vgps.solution import Observations
@@ -14,7 +15,7 @@ from vgps.solution import Observations
 INTERVAL_S = 0.05
 
 
-def graph_of(unseen, frames=60, seam=()):
+def graph_of(unseen, frames=60, seam=(), carried=None):
     """Three landmarks are seen from all frames but the unseen ones, and other ones from a seam on."""
     rows = np.isin(np.arange(frames), unseen)
     frame = np.repeat(np.flatnonzero(~rows), 3)
@@ -22,11 +23,11 @@ def graph_of(unseen, frames=60, seam=()):
     observations = Observations(frame, landmark, np.zeros((len(frame), 2)))
     poses = np.tile(np.eye(4), (frames, 1, 1))
     scene = Scene(INTERVAL_S * np.arange(frames), poses, np.zeros((9, 3)), observations)
-    return motion_factors(scene, rows, scene.torn(MIN_LANDMARKS), MotionConfig())
+    return motion_factors(scene, rows, scene.torn(MIN_LANDMARKS), MotionConfig(), carried=carried)
 
 
-def middles(unseen, seam=()):
-    graph = graph_of(unseen, seam=seam)
+def middles(unseen, seam=(), carried=None):
+    graph = graph_of(unseen, seam=seam, carried=carried)
     return [gtsam.Symbol(graph.at(row).keys()[1]).index() for row in range(graph.size())]
 
 
@@ -61,6 +62,24 @@ def test_frames_in_the_middle_of_triples(unseen, expected):
 def test_the_frames_beside_the_seam_of_two_maps_tie_them(unseen, seam, expected):
     """Beside velocity nothing does."""
     assert middles(unseen, seam=seam) == list(expected)
+
+
+def test_an_imu_ties_what_it_carries():
+    carried = np.isin(np.arange(60), [25, 26, 30])
+    assert middles([30], seam=[25, 28], carried=carried) == [24, 27, 28, 30]
+
+
+def test_a_scene_of_few_frames_is_torn_where_that_of_all_is():
+    """At corners hardly a track lasts from one in four frames to the next."""
+    frame = np.repeat(np.arange(12), 2)
+    landmark = np.repeat(np.arange(12), 2) + np.tile([0, 1], 12)  # each in two frames
+    landmark[frame > 6] += 1  # none leads from frame 6 to 7
+    observations = Observations(frame, landmark, np.zeros((24, 2)))
+    scene = Scene(0.1 * np.arange(12), np.tile(np.eye(4), (12, 1, 1)), np.zeros((14, 3)), observations)
+    assert scene.crossing_tracks().tolist() == [1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 1]
+    few = thinned(scene, 4)
+    assert few.t_s.tolist() == [0.0, 0.4, 0.8] and few.crossing_tracks().tolist() == [1, 0]
+    assert few.torn(1).tolist() == [False, True] and few.with_observations(np.zeros(6, bool)).torn(1)[1]
 
 
 def test_a_short_gap_leaves_its_neighbours_where_they_are_however_uneven_their_steps():

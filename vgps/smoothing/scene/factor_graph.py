@@ -147,11 +147,12 @@ def other_pose_factors(
     accelerometer looks like a tilt.
     """
     fewest = config.tracking.min_inliers
-    unseen, torn = scene.unseen, scene.torn(fewest)
+    unseen, carried = scene.unseen, None
     if imu is not None:
-        knots = np.isin(np.arange(len(scene.t_s)), imu.frame)
-        unseen, torn = scene.hardly_seen(fewest) & ~knots, torn & ~(knots[:-1] & knots[1:])
-    motion = motion_factors(scene, unseen, torn, config.motion)
+        unseen = scene.hardly_seen(fewest)
+        unseen[imu.frame] = False
+        carried = np.isin(np.arange(len(scene.t_s)), imu.frame[imu.carried])
+    motion = motion_factors(scene, unseen, scene.torn(fewest), config.motion, carried=carried)
     level = level_priors(np.arange(len(scene.t_s)), config.start, scene.ground)
     heights = gtsam.NonlinearFactorGraph() if scene.heights is None else scene.heights.graph()
     return joined(sensors.priors(), motion, level, heights)

@@ -16,7 +16,12 @@ _SHORT_PIECE_S = 1.0
 
 
 def motion_factors(
-    scene: Scene, unseen: BoolArray, torn: BoolArray, config: MotionConfig, speed_scale: float = 1.0
+    scene: Scene,
+    unseen: BoolArray,
+    torn: BoolArray,
+    config: MotionConfig,
+    speed_scale: float = 1.0,
+    carried: BoolArray | None = None,
 ) -> gtsam.NonlinearFactorGraph:
     """Return zero-motion factors of standing frames, and constant velocity over what is unseen or torn.
 
@@ -30,6 +35,7 @@ def motion_factors(
         torn: (F - 1,) places between successive frames that nothing else ties, as between two maps.
         config: Densities of the motion noise.
         speed_scale: Map units per metre, for a map that has no scale yet.
+        carried: (F,) frames beside tears that an IMU ties instead; None without one.
     """
     graph = gtsam.NonlinearFactorGraph()
     for constraint in scene.zero_motions:
@@ -37,7 +43,7 @@ def motion_factors(
         relative = gtsam.Pose3(constraint.reference_T_frame)
         reference, frame = X(constraint.reference), X(constraint.frame)
         graph.push_back(gtsam.BetweenFactorPose3(reference, frame, relative, noise))
-    for middle in _middles_over(scene, unseen, torn):
+    for middle in _middles_over(scene, unseen, torn, carried):
         a, b, c = middle - 1, middle, middle + 1
         graph.push_back(
             constant_velocity_factor(
@@ -50,7 +56,9 @@ def motion_factors(
     return graph
 
 
-def _middles_over(scene: Scene, unseen: BoolArray, torn: BoolArray) -> Sequence[int]:
+def _middles_over(
+    scene: Scene, unseen: BoolArray, torn: BoolArray, carried: BoolArray | None
+) -> Sequence[int]:
     """Return the middle frames of triples at constant velocity: unseen ones, and those beside most gaps."""
     steps = np.diff(np.concatenate([[False], unseen, [False]]).astype(int))
     before, after = np.flatnonzero(steps == 1) - 1, np.flatnonzero(steps == -1)  # the frames beside each gap
@@ -59,7 +67,10 @@ def _middles_over(scene: Scene, unseen: BoolArray, torn: BoolArray) -> Sequence[
     short = np.zeros(len(before), dtype=bool)
     short[inside] = scene.t_s[after[inside]] - scene.t_s[before[inside]] <= _SHORT_GAP_S
     beside = np.concatenate([before[~short], after[~short]])
-    middles = np.unique(np.concatenate([np.flatnonzero(unseen), beside, _of_short_pieces(scene, torn)]))
+    tied = _of_short_pieces(scene, torn)
+    if carried is not None:
+        tied = tied[~carried[tied]]
+    middles = np.unique(np.concatenate([np.flatnonzero(unseen), beside, tied]))
     return [int(middle) for middle in middles if 1 <= middle < last]
 
 

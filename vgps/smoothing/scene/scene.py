@@ -18,6 +18,7 @@ from vgps.solver.integer_sets import numbered
 
 MIN_LANDMARKS = 3
 """Landmarks that determine a pose."""
+_MANY = 10**6  # tracks
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Scene:
         ground: The ground under the path; None if it is not known.
         heights: Stretches of known length by the camera's height above the ground; None without.
         rig: Which camera observes each feature, if there are several; the poses are those of the first.
+        crossing: (F - 1,) the crossing tracks of the scene that this one has few frames of; else None.
     """
 
     t_s: FloatArray
@@ -50,6 +52,7 @@ class Scene:
     ground: Ground | None = None
     heights: HeightTies | None = None
     rig: RigViews | None = None
+    crossing: IntArray | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -68,11 +71,16 @@ class Scene:
         return np.asarray(few)
 
     def torn(self, fewest: int) -> BoolArray:
-        """Return the places (F - 1,) between successive frames that fewer tracks cross, and no zero motion.
+        """Return the places (F - 1,) between successive frames that fewer tracks cross."""
+        return np.asarray(self.crossing_tracks() < fewest)
 
-        A track crosses a place if it was seen before and after it. Loops do not count: they tie what is far
-        apart in time.
+    def crossing_tracks(self) -> IntArray:
+        """Return the number (F - 1,) of tracks that were seen before and after each place between frames.
+
+        A zero motion counts as many. Loops do not count: they tie what is far apart in time.
         """
+        if self.crossing is not None:
+            return self.crossing
         frame, landmark = self.observations.frame, self.observations.landmark
         if self.loop is not None:
             frame, landmark = frame[self.loop < 0], landmark[self.loop < 0]
@@ -81,10 +89,10 @@ class Scene:
         held = np.array(stands, dtype=np.int64).reshape(-1, 2).T
         begin, end = (
             np.bincount(tracks[first < last], minlength=len(self.t_s))
-            + fewest * np.bincount(stand, minlength=len(self.t_s))
+            + _MANY * np.bincount(stand, minlength=len(self.t_s))
             for tracks, stand in zip((first, last), held, strict=True)
         )
-        return np.asarray(np.cumsum(begin - end)[:-1] < fewest)
+        return np.cumsum(begin - end)[:-1]
 
     def with_observations(self, kept: BoolArray) -> "Scene":
         """Return the scene with some of its observations (N,)."""

@@ -47,6 +47,7 @@ class SceneParts:
             rates=None if scene.rates is None else scene.rates[frames],
             ground=None,
             heights=None,
+            crossing=None,
             rig=None if rig is None else RigViews(rig.camera[ids], rig.delay_s[:, frames]),
         ), ids
 
