@@ -12,7 +12,7 @@ from vgps.model import BoolArray, IntArray
 from vgps.smoothing.scene.scene import Scene
 
 _SHORT_GAP_S = 0.3  # in which an acceleration of 3 m/s^2 makes 0.03 m
-_SHORT_PIECE_S = 1.0
+_SHORT_PIECE_S = 1.0  # between tears: a receiver of one fix a second gives a shorter one no scale
 
 
 def motion_factors(
