@@ -49,7 +49,7 @@ def test_what_was_added_to_a_height_above_the_sea_is_no_digit_of_the_log():
 @given(
     decimals=st.integers(3, 7),
     first=st.integers(1, 19),
-    latitude_deg=st.floats(-89.0, 89.0),
+    latitude_deg=st.floats(-80.0, 80.0),  # nearer to a pole a degree's length changes within a log
     longitude_deg=st.floats(-179.0, 179.0),
 )
 def test_digits_are_the_same_at_once_and_one_after_another(decimals, first, latitude_deg, longitude_deg):
