@@ -55,8 +55,8 @@ class Stretches:
     length_s: float
     period_s: float
 
-    def hold(self, t_s: FloatArray | float) -> BoolArray:
-        """Return whether times are in one."""
+    def contain(self, t_s: FloatArray | float) -> BoolArray:
+        """Return whether each time is in one."""
         return np.asarray(np.mod(t_s, self.period_s) > self.period_s - self.length_s - 1e-6)
 
 
@@ -92,7 +92,7 @@ def dark(factor: float, sigma: float) -> Change:
 
 def black(hidden: Stretches) -> Change:
     """Return what hides the lens in stretches of a video."""
-    return lambda gray, t_s: np.zeros_like(gray) if hidden.hold(t_s) else gray
+    return lambda gray, t_s: np.zeros_like(gray) if hidden.contain(t_s) else gray
 
 
 def converted(t_s: FloatArray, factor: float) -> Order:
@@ -122,7 +122,7 @@ def missing(t_s: FloatArray, share: float) -> Order:
 
 def without(t_s: FloatArray, lost: Stretches) -> Order:
     """Return pictures and times of a video that lost stretches of frames."""
-    kept = np.flatnonzero(~lost.hold(t_s))
+    kept = np.flatnonzero(~lost.contain(t_s))
     return kept, t_s[kept]
 
 

@@ -22,7 +22,7 @@ TENTHS = 0.1 * np.arange(400)
 WITH_GAPS = TENTHS[(TENTHS < 9.95) | (TENTHS > 12.05)]  # none between 9.9 and 12.1 s
 
 
-def test_gaps_are_longer_than_usual_intervals_and_than_a_third_of_a_second():
+def test_gaps_are_longer_than_usual_intervals_and_than_three_tenths_of_a_second():
     assert frame_gaps(WITH_GAPS).tolist() == [99]
     for regular in (TENTHS[::20], TENTHS[:1], TENTHS[:0]):
         assert not len(frame_gaps(regular))

@@ -52,7 +52,7 @@ def learned(fixes, camera_path=TRUE_PATH, config=CONFIG, torn=()):
 
 
 def test_a_path_that_is_torn_is_no_noise_of_fixes():
-    """RTK-fixes on a path whose scale steps at each of its tears, and whose frames are missing in between."""
+    """RTK-fixes on a path that jumps at each of its tears."""
     rng, t_s = np.random.default_rng(0), np.arange(0.05, 115.0)
     fixes = fixes_with(t_s, path(t_s) + 0.005 * rng.standard_normal((len(t_s), 3)), FixClass.RTK_FIX)
     tears = np.arange(29, 1199, 30)  # every three seconds

@@ -83,10 +83,12 @@ class DriftModel:
         self._poses, self._t_s, self._fixes, self._antenna = poses, t_s, fixes, camera_p_antenna
         sigma = np.array([config.scale_sigma, *[np.radians(config.rotation_sigma_deg)] * 3])
         # the walk's variance grows with the frames between knots
-        variance = np.tile(sigma**2 * self._intervals.spacing / config.knot_frames, (self.knots - 1, 1))
+        walk = np.tile(sigma * np.sqrt(self._intervals.spacing / config.knot_frames), (self.knots - 1, 1))
         if seams is not None:
+            variance = np.zeros_like(walk)
             np.add.at(variance, self._intervals.of_frame[:-1], seams[:, [0, 1, 1, 1]])
-        self._sigma = np.sqrt(np.concatenate([variance[:1], variance]) if attached else variance)
+            walk = np.hypot(walk, np.sqrt(variance))
+        self._sigma = np.concatenate([walk[:1], walk]) if attached else walk
         self._time_offset_sigma_s = time_offset_sigma_s
         self._attached = attached
         self._tilt_information = tilt_sigma_rad**-2

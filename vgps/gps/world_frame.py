@@ -19,7 +19,8 @@ _MIN_FIXES = 2  # fewer have no direction, and hint at a wrong clock or log
 def world_fixes(recording: Recording, config: Config) -> tuple[GeodeticPoint | None, Fixes]:
     """Return the origin of the world frame and the log's fixes in it.
 
-    The origin is that of the rig, else the first control point, else the first usable fix.
+    The origin is that of the rig, else the first control point, else the first usable fix. Fixes where frames
+    are missing are not used.
 
     Raises:
         GpsLogError: Fewer than two usable fixes.

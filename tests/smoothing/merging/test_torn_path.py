@@ -32,7 +32,7 @@ def path_of(maps, t_s):
     return Trajectory(t_s, np.concatenate([one.poses for one in maps]))
 
 
-def move(local_map, scale=1.0, turn=TURN, shift=(0.0, 0.0, 0.0)):
+def move(local_map, scale, turn, shift):
     """Apply a similarity about the first camera of a map."""
     first = local_map.poses[0, :3, 3]
     by = Similarity(scale, turn, first - scale * turn @ first + np.array(shift))
@@ -53,12 +53,13 @@ def test_fixes_of_which_no_map_has_two_align_them_as_a_whole():
     assert away(path_of(maps, t_s).world_T_camera, true) < 0.3
 
 
-def test_fixes_between_maps_align_none_nor_does_one():
+def test_one_fix_aligns_no_map_nor_do_several_far_from_all():
     maps, _, t_s, fixes = torn(11)
     assert not aligned(maps, t_s, fixes.where(np.arange(len(fixes)) == 3))
-    between = replace(fixes.where(fixes.t_s < 0.2), t_s=np.array([1.15]))
-    assert not aligned(maps, t_s, fixes.where(np.zeros(len(fixes), dtype=bool)))
-    assert not aligned(maps, t_s, between)
+    path = path_of(maps, t_s)
+    for since_s, near in ((1.1, True), (1.1 + 1.5, False)):
+        later = fixes.where(fixes.t_s > since_s)
+        assert align_torn_path(maps[:1], path, later.where(np.arange(2)), ANTENNA, CONFIG) == near
 
 
 def test_fixes_move_maps_that_continue_each_other():
@@ -79,7 +80,7 @@ def test_fixes_move_maps_that_continue_each_other():
 def test_fixes_are_judged_by_the_map_they_are_in():
     """A step between two maps is no error of the fixes on one side."""
     maps, _, t_s, fixes = torn(29)
-    move(maps[1], turn=np.eye(3), shift=(6.0, 0.0, 4.0))
+    move(maps[1], 1.0, np.eye(3), (6.0, 0.0, 4.0))
     path = path_of(maps, t_s)
     bad = 3
     world_p_fix = fixes.world_p_fix.copy()

@@ -30,9 +30,9 @@ def test_two_features_determine_no_pose_and_three_do():
     assert np.flatnonzero(scene(still).unseen).tolist() == [0, 1]
 
 
-def middles(scene, imu=None):
+def middles(scene):
     few = Config(tracking={"min_inliers": 3})
-    graph = other_pose_factors(scene, Sensors.fixed(np.zeros(3)), few, imu)
+    graph = other_pose_factors(scene, Sensors.fixed(np.zeros(3)), few)
     keys = [graph.at(row).keys() for row in range(graph.size())]
     return {gtsam.Symbol(triple[1]).index() for triple in keys if len(triple) == 3}
 

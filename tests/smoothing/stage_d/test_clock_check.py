@@ -253,10 +253,11 @@ def test_many_noisy_fixes_do_not_know_a_time_offset_that_their_motion_does_not_s
         fix_class=np.full(len(noise), CLASSES.index(FixClass.RTK_FIX)),
     )
     made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
-    found = optimise_batch(made, fixes, shown, context(Config()))
+    few = Config(tracking={"min_inliers": 4})  # as the drive's first frames have: no tear
+    found = optimise_batch(made, fixes, shown, context(few))
     sigma_s = float(found.time_offset_sigma_s[0])
     assert abs(found.sensors.time_offset_s - late_s) < 3.0 * sigma_s < 0.03
-    assert away(found.trajectory.world_T_camera, true) < 0.06
+    assert away(found.trajectory.world_T_camera, true) < 0.05
 
 
 @pytest.mark.slow

@@ -45,7 +45,8 @@ def align_torn_path(
     if len(chosen) < 2:
         return False
     seen = correspondences(path, chosen, camera_p_antenna)
-    off_m = config.motion.translation_density * (_seconds_away(maps, chosen.t_s) + _gap_s(maps)) ** 1.5
+    gap_s = float(np.mean(_gaps_s(maps))) if len(maps) > 1 else 0.0
+    off_m = config.motion.translation_density * (_seconds_away(maps, chosen.t_s) + gap_s) ** 1.5
     seen = replace(seen, region_m=np.hypot(seen.region_m, off_m[:, None] / np.sqrt(3.0)))
     to_world = align(seen, config.start)
     if to_world is None:
@@ -61,12 +62,8 @@ def _seconds_away(maps: Sequence[LocalMap], t_s: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.maximum(begin_s - t_s, t_s - end_s), 0.0).min(axis=0))
 
 
-def _gap_s(maps: Sequence[LocalMap]) -> float:
-    """Return the mean time from a map to the next."""
-    return float(np.mean(_gaps_s(maps))) if len(maps) > 1 else 0.0
-
-
 def _gaps_s(maps: Sequence[LocalMap]) -> FloatArray:
+    """Return the times (n - 1,) from the last frame of each map to the first of the next."""
     return np.array([map_trajectory(after).t_s[0] - one.t_s[-1] for one, after in pairwise(maps)])
 
 
@@ -149,13 +146,10 @@ def assess_parts(
 
 def _parts(maps: Sequence[LocalMap], continued: Sequence[LocalMap]) -> list[tuple[LocalMap, LocalMap]]:
     """Return the first and last map of each part: maps that continue each other without a long gap."""
-    follows = [one in continued for one in maps]
-    near = [gap_s < _NEAR_S for gap_s in _gaps_s(maps).tolist()]
-    joined = [
-        both and close for both, close in zip((a and b for a, b in pairwise(follows)), near, strict=True)
-    ]
-    begins = [k for k in range(len(maps)) if k == 0 or not joined[k - 1]]
-    return [(maps[a], maps[b - 1]) for a, b in pairwise([*begins, len(maps)])]
+    follows = np.array([one in continued for one in maps])
+    joined = follows[:-1] & follows[1:] & (_gaps_s(maps) < _NEAR_S)
+    edges = [0, *(np.flatnonzero(~joined) + 1).tolist(), len(maps)]
+    return [(maps[begin], maps[end - 1]) for begin, end in pairwise(edges)]
 
 
 def untorn_path(path: Trajectory, scene: Scene, fixes: Fixes, fewest: int) -> Trajectory:

@@ -78,7 +78,9 @@ def _of_short_pieces(scene: Scene, torn: BoolArray) -> IntArray:
     """Return the frames on both sides of each tear, and all of a short piece between two, which hardly has a
     scale: some steps of such pieces, of dark pictures, were kilometres long."""
     tears = np.flatnonzero(torn)
+    if not len(tears):
+        return tears
     begin, end = np.append(0, tears + 1), np.append(tears, len(scene.t_s) - 1)
     short = scene.t_s[end] - scene.t_s[begin] < _SHORT_PIECE_S
-    within = [np.arange(a, b + 1) for a, b in zip(begin[short], end[short], strict=True) if len(tears)]
+    within = [np.arange(a, b + 1) for a, b in zip(begin[short], end[short], strict=True)]
     return np.concatenate([tears, tears + 1, *within])

@@ -187,7 +187,7 @@ def frame_change(window: WindowScene, context: SmoothingContext) -> GraphChange:
         for one in scene.zero_motions
         if one.frame + offset >= window.new and one.reference + offset >= window.begin
     )
-    none = np.zeros(len(scene.t_s), dtype=bool)  # is unseen, else the window is not for iSAM2
+    none = np.zeros(len(scene.t_s), dtype=bool)  # an unseen frame is not for iSAM2, tears are for stage D
     factors = motion_factors(replace(scene, zero_motions=motions), none, none[1:], config.motion)
     controls = context.controls.between(window.new, window.newest)
     sigma_px = control_sigma_px(
