@@ -44,9 +44,10 @@ def colmap_pixels(model: str, parameters: list[float], camera_p: np.ndarray) -> 
 
 @dataclass(frozen=True)
 class Image:
-    """A row of images.txt: the world's pose in the camera, its observations and the points they show."""
+    """A row of images.txt: its camera, the world's pose in it, observations and the points they show."""
 
     name: str
+    camera: int
     camera_T_world: np.ndarray
     uv_px: np.ndarray
     point: np.ndarray
@@ -56,8 +57,8 @@ class ColmapModel:
     """A model read from cameras.txt, images.txt and points3D.txt."""
 
     def __init__(self, folder: Path) -> None:
-        (camera,) = (line.split() for line in (folder / "cameras.txt").read_text().splitlines())
-        self.lens, self.parameters = camera[1], [float(cell) for cell in camera[4:]]
+        cameras = [line.split() for line in (folder / "cameras.txt").read_text().splitlines()]
+        self.cameras = {int(cells[0]): (cells[1], [float(cell) for cell in cells[4:]]) for cells in cameras}
         lines = (folder / "images.txt").read_text().splitlines()
         self.images = {int(a.split()[0]): _image(a, b) for a, b in zip(lines[::2], lines[1::2], strict=True)}
         rows = [line.split() for line in (folder / "points3D.txt").read_text().splitlines()]
@@ -71,14 +72,14 @@ class ColmapModel:
         for image in self.images.values():
             points = np.array([self.points[number] for number in image.point])
             camera_p = points @ image.camera_T_world[:3, :3].T + image.camera_T_world[:3, 3]
-            errors.append(image.uv_px - colmap_pixels(self.lens, self.parameters, camera_p))
+            errors.append(image.uv_px - colmap_pixels(*self.cameras[image.camera], camera_p))
         return np.linalg.norm(np.concatenate(errors), axis=1)
 
 
 def _image(header: str, observations: str) -> Image:
-    _, qw, qx, qy, qz, x, y, z, _, name = header.split()
+    _, qw, qx, qy, qz, x, y, z, camera, name = header.split()
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_quat([float(q) for q in (qx, qy, qz, qw)]).as_matrix()
     pose[:3, 3] = [float(t) for t in (x, y, z)]
     rows = np.array(observations.split(), float).reshape(-1, 3)
-    return Image(name, pose, rows[:, :2], rows[:, 2].astype(int))
+    return Image(name, int(camera), pose, rows[:, :2], rows[:, 2].astype(int))

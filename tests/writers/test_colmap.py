@@ -1,11 +1,14 @@
 """COLMAP models, read back by the documentation and by COLMAP."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from colmap_model import ColmapModel
 from exports import LENSES, consistent, exported
+
+from vgps.model import FocalChanges
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -33,6 +36,24 @@ def test_an_exact_colmap_model_has_no_reprojection_error(solution, tmp_path, len
     run, _ = consistent(solution, LENSES[lens], noise_px=0.0)
     model = ColmapModel(exported(run, tmp_path, "colmap", "sparse"))
     assert model.reprojection_errors().max() < 1e-5
+
+
+@pytest.mark.parametrize("lens", [lens for lens in LENSES if lens != "tsai"])
+def test_a_model_of_a_camera_that_zooms_is_one_of_the_original_images(solution, tmp_path, lens):
+    """Each image has a camera; pixels lie as much further from the centre as its focal length is larger."""
+    run, _ = consistent(solution, LENSES[lens], noise_px=0.0)
+    changes = FocalChanges((0.0, 4.0), (-0.2, 0.2), (330.0, 230.0))
+    zooming = replace(run, camera=replace(run.camera, focal_changes=changes))
+    steady = ColmapModel(exported(run, tmp_path / "steady", "colmap", "sparse"))
+    model = ColmapModel(exported(zooming, tmp_path / "zooming", "colmap", "sparse"))
+    assert model.reprojection_errors().max() < 1e-5
+    assert len(model.cameras) == 5 and model.cameras[3] == steady.cameras[1]
+    for number, image in model.images.items():
+        ratio = np.exp(0.1 * (number - 3))
+        assert model.cameras[image.camera][1][0] == pytest.approx(ratio * run.camera.fx)
+        centre = np.array([330.5, 230.5])
+        expected = centre + ratio * (steady.images[number].uv_px - centre)
+        np.testing.assert_allclose(image.uv_px, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("lens", LENSES)

@@ -11,6 +11,8 @@ import yaml
 from run_files import assert_same, bytes_of, rows
 from solutions import on_a_rig
 
+from vgps.errors import RunFolderError
+from vgps.model import FocalChanges
 from vgps.readers.run_folder import read_run
 from vgps.readers.trajectory import read_trajectory
 from vgps.solution import Landmarks, Observations, Solution
@@ -52,6 +54,24 @@ def test_a_run_of_a_rig_comes_back_with_the_poses_of_every_camera(solution: Solu
     assert summary["cameras"][0]["reference_p_camera"] == [0.0, 0.0, -0.2]
     write_run(solution, run)  # of one camera, in its place
     assert not (run / "cameras").exists()
+
+
+def test_a_run_of_a_camera_that_zooms_comes_back_with_the_changes(solution: Solution, tmp_path: Path) -> None:
+    changes = FocalChanges((0.0, 1.5), (-0.01, 0.02), (320.0, 240.5))
+    left = dataclasses.replace(changes, log_ratio=(0.001, -0.002))
+    camera = dataclasses.replace(solution.camera, focal_changes=changes)
+    run = dataclasses.replace(
+        solution, camera=camera, sensors=dataclasses.replace(solution.sensors, focal_changes=left)
+    )
+    write_run(run, tmp_path / "zoom")
+    found = read_run(tmp_path / "zoom")
+    assert (found.camera, found.sensors.focal_changes) == (camera, left)
+    file = tmp_path / "zoom" / "solution.json"
+    summary = json.loads(file.read_text(encoding="utf-8"))
+    summary["camera"]["focal_changes"]["t_s"] = [1.5, 0.0]
+    file.write_text(json.dumps(summary), encoding="utf-8")
+    with pytest.raises(RunFolderError, match="ascending t_s"):
+        read_run(tmp_path / "zoom")
 
 
 def test_every_file_has_a_schema_version(solution: Solution, tmp_path: Path) -> None:

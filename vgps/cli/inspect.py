@@ -33,11 +33,13 @@ def inspect(run: Path, *, save: Path | None = None, screenshot: Path | None = No
 def _recording(solution: "Solution") -> "Recording | None":
     """Open the recording of the run for its video; it may no longer exist."""
     from vgps.readers.recording import open_recording
+    from vgps.readers.views.steady import as_posed
 
     if solution.recording is None:
         return None
     try:
-        return open_recording(solution.recording, with_gps=False, cameras=False)
+        recording = open_recording(solution.recording, with_gps=False, cameras=False)
+        return as_posed(recording, solution.camera)
     except VgpsError as error:
         print_note(f"shown without the video: {error}")
         return None

@@ -24,6 +24,7 @@ from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
 from vgps.readers.recording import open_recording
 from vgps.readers.run_files import run_folders
 from vgps.readers.run_folder import read_run
+from vgps.readers.views.steady import as_posed
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.solution import Solution
 
@@ -95,6 +96,7 @@ def build_database(
     """
     config = config or LandmarksConfig()
     _check(solution, recording)
+    recording = as_posed(recording, solution.camera)
     observations = collect_observations(solution)
     reliable, sigma_m = reliable_landmarks(solution, observations, config)
     observations = observations.take(reliable[observations.landmark])

@@ -6,7 +6,7 @@ frame.
 """
 
 from vgps.model.arrays import BoolArray, Float32Array, FloatArray, GrayImage, IntArray, RgbImage
-from vgps.model.camera import Camera, CameraGuess, LensModel
+from vgps.model.camera import Camera, CameraGuess, FocalChanges, LensModel
 from vgps.model.control_points import ControlPoints
 from vgps.model.gps import FixClass, GeodeticPoint, GpsLog
 from vgps.model.inertial import GyroLog, ImuLog
@@ -22,6 +22,7 @@ __all__ = [
     "FixClass",
     "Float32Array",
     "FloatArray",
+    "FocalChanges",
     "Frame",
     "GeodeticPoint",
     "GpsLog",

@@ -10,6 +10,31 @@ from vgps.model.arrays import FloatArray
 LensModel = Literal["pinhole", "opencv", "fisheye", "tsai"]
 
 
+@dataclass(frozen=True)
+class FocalChanges:
+    """Changes of the focal length in a video, as by focus or zoom, at times (K,), linear between them.
+
+    Attributes:
+        t_s: The times, ascending, seconds since the first frame.
+        log_ratio: Log of the focal length over that of the camera.
+        centre_px: The point of the picture about which it grows and shrinks.
+    """
+
+    t_s: tuple[float, ...]
+    log_ratio: tuple[float, ...]
+    centre_px: tuple[float, float]
+
+    def ratio(self, t_s: FloatArray | float) -> FloatArray:
+        """Return the focal length at times (F,), over that of the camera."""
+        return np.asarray(np.exp(np.interp(t_s, self.t_s, self.log_ratio)))
+
+    def followed_by(self, more: "FocalChanges") -> "FocalChanges":
+        """Return the changes together with those that pictures without the first ones still show."""
+        t_s = np.union1d(self.t_s, more.t_s)
+        both = np.log(self.ratio(t_s) * more.ratio(t_s))
+        return FocalChanges(tuple(t_s.tolist()), tuple(both.tolist()), self.centre_px)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Camera:
     """Intrinsics: focal lengths and principal point in pixels, and the lens model's coefficients.
@@ -22,6 +47,9 @@ class Camera:
     negative if the last row comes first, None if unknown. A frame's time stamp and pose are those of its
     middle row. With ``readout_axis`` ``columns``, as of a picture turned upright by a quarter, it is from the
     left column to the right one.
+
+    With ``focal_changes`` all else holds for pictures that were scaled to one focal length
+    (:class:`vgps.readers.views.steady.SteadyVideo`).
     """
 
     model: LensModel
@@ -35,6 +63,7 @@ class Camera:
     pixel_mm: tuple[float, float] | None = None
     readout_s: float | None = None
     readout_axis: Literal["rows", "columns"] = "rows"
+    focal_changes: FocalChanges | None = None
 
     @property
     def K(self) -> FloatArray:

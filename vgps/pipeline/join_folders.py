@@ -11,6 +11,7 @@ from vgps.pipeline.join import Run, join_runs
 from vgps.pipeline.join_checkpoint import JoinCheckpoint
 from vgps.readers.recording import open_recording
 from vgps.readers.run_folder import read_run
+from vgps.readers.views.steady import as_posed
 from vgps.runtime.progress import Progress
 from vgps.solution import JoinedRuns, Solution
 from vgps.writers.claim import claimed
@@ -79,7 +80,8 @@ def _recording(path: Path, solution: Solution) -> Recording:
     if solution.recording is None:
         raise RunFolderError("names no recording, whose pictures show what it shares with others", file=path)
     try:
-        return open_recording(solution.recording, with_gps=False, cameras=False)
+        recording = open_recording(solution.recording, with_gps=False, cameras=False)
+        return as_posed(recording, solution.camera)
     except VgpsError as error:
         raise RunFolderError(
             f"the pictures of its recording cannot be read ({error})",

@@ -5,11 +5,11 @@ import zipfile
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError, model_validator
 
 from vgps.errors import RunFolderError
 from vgps.readers.gps_formats.fixes import HIGHEST_M
@@ -98,6 +98,18 @@ class _Origin(BaseModel):
     height_m: Annotated[FiniteFloat, Field(ge=-HIGHEST_M, le=HIGHEST_M)]
 
 
+class _FocalChanges(BaseModel):
+    t_s: Annotated[list[FiniteFloat], Field(min_length=1)]
+    log_ratio: Annotated[list[Annotated[FiniteFloat, Field(ge=-5, le=5)]], Field(min_length=1)]
+    centre_px: tuple[FiniteFloat, FiniteFloat]
+
+    @model_validator(mode="after")
+    def _match(self) -> Self:
+        if len(self.t_s) != len(self.log_ratio) or np.any(np.diff(self.t_s) <= 0.0):
+            raise ValueError("expected ascending t_s and as many values of log_ratio")
+        return self
+
+
 class _Camera(BaseModel):
     model: Literal["pinhole", "opencv", "fisheye", "tsai"]
     width: Annotated[int, Field(gt=0, le=1_000_000)]
@@ -110,6 +122,7 @@ class _Camera(BaseModel):
     pixel_mm: tuple[FiniteFloat, FiniteFloat] | None
     readout_s: FiniteFloat | None = None
     readout_axis: Literal["rows", "columns"] = "rows"
+    focal_changes: _FocalChanges | None = None
 
 
 class _RigCamera(BaseModel):
@@ -125,6 +138,7 @@ class _Sensors(BaseModel):
     fix_errors: dict[str, dict[str, FiniteFloat]] = {}
     imu: dict[str, tuple[FiniteFloat, FiniteFloat, FiniteFloat]] = {}
     camera_height: dict[str, FiniteFloat] = {}
+    focal_changes: _FocalChanges | None = None
 
 
 class _Cost(BaseModel):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from vgps.errors import RunFolderError
-from vgps.model import Camera, ControlPoints, FixClass, GeodeticPoint, GpsLog
+from vgps.model import Camera, ControlPoints, FixClass, FocalChanges, GeodeticPoint, GpsLog
 from vgps.readers.run_checks import REMEDY, Arrays, check_arrays, check_summary
 from vgps.readers.run_files import joined_names, read_arrays, read_settings, read_summary
 from vgps.solution import (
@@ -107,10 +107,17 @@ def _part(arrays: Arrays, name: str) -> dict[str, Any]:
 
 def _camera(values: Mapping[str, Any]) -> Camera:
     pixel_mm = values["pixel_mm"]
-    distortion = tuple(values["distortion"])
-    return Camera(
-        **{**values, "distortion": distortion, "pixel_mm": None if pixel_mm is None else tuple(pixel_mm)}
-    )
+    found = {
+        "distortion": tuple(values["distortion"]),
+        "pixel_mm": None if pixel_mm is None else tuple(pixel_mm),
+        "focal_changes": _focal_changes(values),
+    }
+    return Camera(**{**values, **found})
+
+
+def _focal_changes(values: Mapping[str, Any]) -> FocalChanges | None:
+    changes = values.get("focal_changes")  # absent in older runs
+    return None if changes is None else FocalChanges(**{name: tuple(changes[name]) for name in changes})
 
 
 def _gps(arrays: Arrays, summary: Mapping[str, Any]) -> GpsLog | None:
@@ -145,7 +152,10 @@ def _sensors(values: Mapping[str, Any]) -> SensorReport:
     lag_sigma, rate_sigma, x, y, z = (math.nan if sigma is None else float(sigma) for sigma in sigmas)
     found = {key: values.get(key, {}) for key in ("camera_sigma", "fix_errors", "imu", "camera_height")}
     rate = values.get("clock_rate", 0.0)  # absent in older runs
-    return SensorReport(values["lag_s"], lag_sigma, (x, y, z), rate, rate_sigma, **found)
+    changes = _focal_changes(values)
+    return SensorReport(
+        values["lag_s"], lag_sigma, (x, y, z), rate, rate_sigma, **found, focal_changes=changes
+    )
 
 
 def _report(summary: Mapping[str, Any]) -> SolverReport:

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from vgps.errors import VgpsError
 from vgps.evaluation.check_points import Mark
 from vgps.model import FloatArray, RgbImage
-from vgps.readers.sources import open_video
+from vgps.readers.posed_video import open_posed_video
 from vgps.solution import Solution
 
 _HALF_PX = 24  # of the cut around a mark
@@ -31,7 +31,7 @@ def mark_pictures(solution: Solution, marks: Sequence[Mark]) -> dict[str, str]:
     if solution.recording is None or not wanted:
         return {}
     try:
-        frames = dict(open_video(solution.recording).pictures(wanted))
+        frames = dict(open_posed_video(solution.recording, solution.camera).pictures(wanted))
     except VgpsError:
         return {}
     return {

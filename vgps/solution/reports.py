@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
 
+from vgps.model import FocalChanges
 from vgps.solution.clock import GpsClock
 
 
@@ -24,6 +25,8 @@ class SensorReport:
             and, where known, their standard deviations (``.._sigma_..``); empty without an IMU.
         camera_height: Where it is known, ``m`` above the ground, ``scale_sigma``, the standard deviation of
             log scale by it alone, and ``stretches``, the number of those with a plane; else empty.
+        focal_changes: Changes of the focal length that the pictures show beyond those that the camera has
+            already; None if they show none.
     """
 
     time_offset_s: float
@@ -35,6 +38,7 @@ class SensorReport:
     fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     imu: Mapping[str, list[float]] = field(default_factory=dict)
     camera_height: Mapping[str, float] = field(default_factory=dict)
+    focal_changes: FocalChanges | None = None
 
     @property
     def clock(self) -> GpsClock:

@@ -1,12 +1,14 @@
 """COLMAP sparse models in text format, for COLMAP, Gaussian splatting and other readers.
 
 Camera and pixels are those of the original images if COLMAP has the lens model (pinhole, opencv, fisheye),
-and those of the undistorted image for Tsai's, which it does not have. COLMAP's pixel centres are at a half,
-OpenCV's at whole numbers. The world is that of the run, ENU in metres, with its origin in ``origin.json``.
+and those of the undistorted image for Tsai's, which it does not have. If the focal length changes, each image
+has a camera of its own. COLMAP's pixel centres are at a half, OpenCV's at whole numbers. The world is that of
+the run, ENU in metres, with its origin in ``origin.json``.
 """
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,7 @@ def write_colmap(solution: Solution, folder: Path, names: Sequence[str]) -> None
     """
     observed = solution.observations
     uv = observed.uv_px if solution.camera.model == "tsai" else distort(solution.camera, observed.uv_px)
+    uv = _in_pictures(solution, uv)
     good = np.flatnonzero(np.isfinite(uv).all(axis=1))
     order = good[np.argsort(observed.frame[good], kind="stable")]
     frame, landmark, uv = observed.frame[order], observed.landmark[order], uv[order]
@@ -41,7 +44,8 @@ def write_colmap(solution: Solution, folder: Path, names: Sequence[str]) -> None
     place = (
         np.arange(len(frame), dtype=np.int64) - begins[frame]
     )  # of an observation among those of its image
-    _write(folder / "cameras.txt", [_camera_line(solution.camera)])
+    cameras = frame_cameras(solution)
+    _write(folder / "cameras.txt", [_camera_line(k, camera) for k, camera in enumerate(cameras, start=1)])
     _write(folder / "images.txt", _image_lines(solution, names, landmark, uv, begins))
     _write(folder / "points3D.txt", _point_lines(solution, frame, landmark, place, _errors(solution)[order]))
     origin = None if solution.world_origin is None else solution.world_origin._asdict()
@@ -67,19 +71,47 @@ def colmap_camera(camera: Camera) -> tuple[str, list[float]]:
     return "PINHOLE", pinhole
 
 
-def _camera_line(camera: Camera) -> str:
+def frame_cameras(solution: Solution) -> list[Camera]:
+    """Return the camera of the original images; one for each frame if its focal length changes."""
+    camera, changes = solution.camera, solution.camera.focal_changes
+    if changes is None:
+        return [camera]
+    u, v = changes.centre_px
+    return [
+        replace(
+            camera,
+            fx=ratio * camera.fx,
+            fy=ratio * camera.fy,
+            cx=u + ratio * (camera.cx - u),
+            cy=v + ratio * (camera.cy - v),
+            focal_changes=None,
+        )
+        for ratio in changes.ratio(solution.t_s).tolist()
+    ]
+
+
+def _in_pictures(solution: Solution, uv_px: FloatArray) -> FloatArray:
+    """Return pixels (N, 2) of observations as the original images have them, whatever their focal length."""
+    changes = solution.camera.focal_changes
+    if changes is None:
+        return uv_px
+    ratio, centre = changes.ratio(solution.t_s[solution.observations.frame]), np.array(changes.centre_px)
+    return np.asarray(centre + ratio[:, None] * (uv_px - centre))
+
+
+def _camera_line(number: int, camera: Camera) -> str:
     name, parameters = colmap_camera(camera)
-    return f"1 {name} {camera.width} {camera.height} " + " ".join(f"{x:.17g}" for x in parameters)
+    return f"{number} {name} {camera.width} {camera.height} " + " ".join(f"{x:.17g}" for x in parameters)
 
 
 def _image_lines(
     solution: Solution, names: Sequence[str], landmark: IntArray, uv: FloatArray, begins: IntArray
 ) -> Iterable[str]:
     camera_T_world: FloatArray = np.linalg.inv(solution.world_T_camera).astype(np.float64)
-    quaternions = quaternion(camera_T_world)
+    quaternions, changing = quaternion(camera_T_world), solution.camera.focal_changes is not None
     for f, (q, t) in enumerate(zip(quaternions, camera_T_world[:, :3, 3], strict=True)):
         numbers = " ".join(f"{x:.17g}" for x in (q[3], *q[:3], *t))
-        yield f"{f + 1} {numbers} 1 {names[f]}"
+        yield f"{f + 1} {numbers} {f + 1 if changing else 1} {names[f]}"
         rows = range(int(begins[f]), int(begins[f + 1]))
         yield " ".join(
             f"{uv[row, 0] + _CENTRE:.6f} {uv[row, 1] + _CENTRE:.6f} {int(landmark[row]) + 1}" for row in rows

@@ -1,7 +1,7 @@
 """What a writer is given to export: the frames chosen, and their coordinates in the system asked for."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +13,9 @@ from vgps.crs.frames import local_R_world
 from vgps.errors import RunFolderError, VgpsError
 from vgps.geodesy import heading_deg, to_geodetic
 from vgps.model import Camera, FloatArray, GeodeticPoint, IntArray, RgbImage
-from vgps.readers.posed_video import open_posed_video
-from vgps.readers.sources import Source, is_image_folder, place_of
+from vgps.readers.posed_video import RunVideo, open_posed_video
+from vgps.readers.sources import is_image_folder, place_of
 from vgps.readers.video.images import ImageFolder
-from vgps.readers.views.view import ViewVideo
 from vgps.solution import Solution
 from vgps.writers.colmap import IMAGE_NAME
 from vgps.writers.frame_choice import FrameChoice
@@ -132,7 +131,7 @@ class ExportJob:
         ]
 
     @cached_property
-    def video(self) -> Source | ViewVideo:
+    def video(self) -> RunVideo:
         """The frames themselves.
 
         Raises:
@@ -154,13 +153,13 @@ def image_files(place: Path | None, camera: Camera) -> list[Path] | None:
         source = None if place is None else place_of(place)[1]
         if place is None or source is None or not is_image_folder(source):
             return None
-        video = open_posed_video(place, camera)
+        video = open_posed_video(place, replace(camera, focal_changes=None))
         return video.files if isinstance(video, ImageFolder) else None
     except VgpsError:
         return None
 
 
-def video_of(solution: Solution, images: Path | None, last: int) -> Source | ViewVideo:
+def video_of(solution: Solution, images: Path | None, last: int) -> RunVideo:
     """Return the video of a run, which has at least the frame ``last``.
 
     Raises:

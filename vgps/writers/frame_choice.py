@@ -8,8 +8,7 @@ import numpy as np
 from vgps.errors import RunFolderError
 from vgps.geometry import travelled
 from vgps.model import FloatArray, GrayImage, IntArray
-from vgps.readers.sources import Source
-from vgps.readers.views.view import ViewVideo
+from vgps.readers.posed_video import RunVideo
 from vgps.solution import FrameState, Observations, Solution
 
 Select = Literal["all", "sharp"]
@@ -36,7 +35,7 @@ class FrameChoice:
         return self.select == "all" and self.every_m is None and self.every_s is None
 
 
-def choose_frames(solution: Solution, choice: FrameChoice, video: Source | ViewVideo | None) -> IntArray:
+def choose_frames(solution: Solution, choice: FrameChoice, video: RunVideo | None) -> IntArray:
     """Return the indices of the frames chosen, in order.
 
     Args:
@@ -95,7 +94,7 @@ def _stretches(solution: Solution, choice: FrameChoice) -> IntArray:
     return np.asarray(np.floor(along / length + 1e-9), np.int64)
 
 
-def _sharpness(video: Source | ViewVideo, count: int) -> FloatArray:
+def _sharpness(video: RunVideo, count: int) -> FloatArray:
     """Return (F,) the mean squared gradient of each frame, which blur lowers; -1 for frames not decoded."""
     found = np.full(count, -1.0)
     for frame in video.frames():

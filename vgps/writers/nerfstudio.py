@@ -9,9 +9,10 @@ import numpy as np
 from vgps.crs import ELLIPSOIDAL
 from vgps.errors import RunFolderError
 from vgps.solution import Solution
-from vgps.writers.colmap import colmap_camera
+from vgps.writers.colmap import colmap_camera, frame_cameras
 
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera: x right, y up, z backward
+_INTRINSICS = "fl_x", "fl_y", "cx", "cy"
 _LENS = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"), "PINHOLE": ()}
 
 
@@ -40,14 +41,14 @@ def write_nerfstudio(solution: Solution, out: Path, names: Sequence[str]) -> Non
         {"file_path": f"images/{name}", "transform_matrix": pose, "t_s": t_s}
         for name, pose, t_s in zip(names, poses.tolist(), solution.t_s.tolist(), strict=True)
     ]
+    if solution.camera.focal_changes is not None:
+        for frame, camera in zip(frames, frame_cameras(solution), strict=True):
+            frame |= dict(zip(_INTRINSICS, colmap_camera(camera)[1][:4], strict=True))
     document = {
         "camera_model": "OPENCV" if name == "PINHOLE" else name,
         "w": solution.camera.width,
         "h": solution.camera.height,
-        "fl_x": parameters[0],
-        "fl_y": parameters[1],
-        "cx": parameters[2],
-        "cy": parameters[3],
+        **dict(zip(_INTRINSICS, parameters[:4], strict=True)),
         **lens,
         "world_origin": None if solution.world_origin is None else solution.world_origin._asdict(),
         "height_datum": ELLIPSOIDAL,

@@ -148,6 +148,7 @@ def _sensors(report: SensorReport) -> dict[str, Any]:
         "fix_errors": report.fix_errors,
         "imu": report.imu,
         "camera_height": report.camera_height,
+        "focal_changes": None if report.focal_changes is None else asdict(report.focal_changes),
     }
 
 

@@ -90,7 +90,7 @@ def _near_origin(solution: Solution) -> tuple[Solution, FloatArray]:
     scene = replace(
         solution,
         world_T_camera=scene_T_world @ solution.world_T_camera,
-        camera=replace(solution.camera, model="pinhole", distortion=(), pixel_mm=None),
+        camera=replace(solution.camera, model="pinhole", distortion=(), pixel_mm=None, focal_changes=None),
         landmarks=replace(solution.landmarks, world_p_landmark=points),
         world_origin=centre,
     )

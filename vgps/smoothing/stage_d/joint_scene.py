@@ -51,7 +51,7 @@ def joint_scene(inputs: Sequence[BatchInput], world_T_runs: FloatArray) -> Joint
         world_T_runs: (R, 4, 4) from the world of each run to that of the first.
     """
     camera = inputs[0].context.camera
-    camera = replace(camera, model="pinhole", distortion=())
+    camera = replace(camera, model="pinhole", distortion=(), focal_changes=None)
     frames = np.cumsum([0, *(len(one.scene.t_s) for one in inputs)])
     shift_s, end_s = [], 0.0
     for one in inputs:
