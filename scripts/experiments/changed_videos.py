@@ -1,4 +1,4 @@
-"""What do exposures that jump, pictures that repeat or are missing, noise, blur and darkness do to poses?
+"""What do jumping exposures, repeated or missing pictures, noise, blur, darkness, focus and zoom do to poses?
 
 The videos of recordings with truth are changed as those of users are. Errors are unaligned, offline and live
 as poses came, of the frames that are the first to show their picture: where the camera was when it was taken.
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from scripts.common.both_ways import Case, print_both_ways
-from vgps.model import BoolArray, FloatArray, Frame, GrayImage, IntArray, Recording
+from vgps.model import BoolArray, Camera, FloatArray, Frame, GrayImage, IntArray, Recording
 from vgps.readers.video.derived_video import DerivedVideo
 
 JUMPS_S = 1.5  # the exposure jumps twice in this time
@@ -95,6 +95,26 @@ def black(hidden: Stretches) -> Change:
     return lambda gray, t_s: np.zeros_like(gray) if hidden.contain(t_s) else gray
 
 
+def breathing(camera: Camera, share: float, period_s: float) -> Change:
+    """Return what changes the focal length to and fro by a share of it, as a lens does that focuses."""
+    return _scaled(camera, lambda t_s: share * np.sin(2.0 * np.pi * t_s / period_s))
+
+
+def zoomed(camera: Camera, factor: float, first_s: float, last_s: float) -> Change:
+    """Return what zooms by a factor between two times."""
+    return _scaled(camera, lambda t_s: np.log(factor) * np.clip((t_s - first_s) / (last_s - first_s), 0, 1))
+
+
+def _scaled(camera: Camera, log_ratio: Callable[[float], float]) -> Change:
+    def change(gray: GrayImage, t_s: float) -> GrayImage:
+        ratio, (height, width) = float(np.exp(log_ratio(t_s))), gray.shape
+        shift = (1.0 - ratio) * np.array([camera.cx, camera.cy])
+        M = np.column_stack([ratio * np.eye(2), shift])
+        return np.asarray(cv2.warpAffine(gray, M, (width, height), borderMode=cv2.BORDER_REFLECT), np.uint8)
+
+    return change
+
+
 def converted(t_s: FloatArray, factor: float) -> Order:
     """Return pictures and times of a video with more frames a second: each shows the newest picture."""
     at_s = np.arange(t_s[0], t_s[-1], float(np.median(np.diff(t_s))) / factor)
@@ -138,7 +158,7 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         recording: The recording.
         true: (F, 4, 4) its true poses.
     """
-    t_s = recording.video.times_s
+    t_s, camera = recording.video.times_s, recording.camera
     order = np.arange(len(t_s)), t_s
     for name, (shown, at_s), change in (
         ("as it is", order, as_it_is),
@@ -157,6 +177,10 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         ("black for 2 s of 5", order, black(Stretches(2.0, 5.0))),
         ("frames missing for 0.5 s of 2", without(t_s, Stretches(0.5, 2.0)), as_it_is),
         ("frames missing for 1 s of 3", without(t_s, Stretches(1.0, 3.0)), as_it_is),
+        ("focus that breathes by 0.5 %", order, breathing(camera, 0.005, 7.0)),
+        ("focus that breathes by 1 %", order, breathing(camera, 0.01, 7.0)),
+        ("focus that breathes by 2 %", order, breathing(camera, 0.02, 7.0)),
+        ("zoom of 1.1 in 2 s", order, zoomed(camera, 1.1, 6.0, 8.0)),
     ):
         picture, first = np.unique(shown, return_index=True)
         yield Case(name, shown_at(recording, (shown, at_s), change), first, true[picture])

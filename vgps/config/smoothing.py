@@ -207,6 +207,9 @@ class IntrinsicsConfig(SettingsModel):
     sigmas."""
     iterations: PositiveInt = 8
     """Alternations between poses and calibration at most."""
+    focal_changes: bool = True
+    """Find changes of the focal length in a video, as by focus or zoom, where the calibration is refined; the
+    run begins again with pictures scaled to one focal length."""
     every_frames: PositiveInt = 4
     """Without fixes, one in so many frames gives the calibration; tracks last several times as long."""
     tolerance_sigmas: PositiveFloat = 0.5

@@ -156,7 +156,7 @@ def with_camera(solution: Solution, refined: RefinedCamera, recording: Recording
         solution,
         camera=refined.camera,
         camera_source=recording.guesses[0].source if recording.guesses else None,
-        sensors=replace(solution.sensors, camera_sigma=refined.sigma),
+        sensors=replace(solution.sensors, camera_sigma=refined.sigma, focal_changes=refined.changes),
         warnings=(*solution.warnings, *notes),
     )
 

@@ -27,6 +27,7 @@ from vgps.pipeline.rough_solution import is_tied
 from vgps.pipeline.run_result import solution_of
 from vgps.pipeline.sensor_notes import with_moving_note
 from vgps.pipeline.solved_maps import merged_maps
+from vgps.pipeline.steady_focal import refuses_more, with_focal_note, with_steady_focal
 from vgps.pipeline.turned_camera import with_right_roll
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -34,6 +35,7 @@ from vgps.runtime.timing import StageTimer, sequential_seconds
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.solution import Solution
 
+_MOST_STEADY_RUNS = 4
 _ASTRAY_SHARE = 0.05  # a camera that a run has found is off by more only if that run went astray
 
 
@@ -70,11 +72,12 @@ def smooth(
                 note = f"another run with what this one shows of the camera gave no path: {error}"
                 solution = replace(solution, warnings=(*solution.warnings, note))
                 break
+        solution = _with_one_focal_length(solution, run, progress)
     # a resumed run has the seconds of stages that an earlier process ran
     rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
     seconds = {**solution.seconds, "rest": rest_s}
     solution = replace(solution, config=config.model_dump(mode="json"), seconds=seconds)
-    return with_moving_note(with_gyro_note(solution, recording))
+    return with_focal_note(with_moving_note(with_gyro_note(solution, recording)))
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,26 @@ def _better(run: _Run, solution: Solution, share: float) -> _Run:
     if not found_s or run.recording.camera.readout_s is not None:
         return _Run(better, run.config)
     return _Run(*with_readout_seen(better, run.config, found_s))
+
+
+def _with_one_focal_length(solution: Solution, run: _Run, progress: Progress) -> Solution:
+    """Return the solution of runs with pictures of one focal length, until they show no changes of it.
+
+    Maps made with a wrong focal length show only a part of its changes.
+    """
+    for _ in range(_MOST_STEADY_RUNS):
+        recording = with_steady_focal(run.recording, solution)
+        if recording is run.recording:
+            break
+        progress.stage("again with pictures scaled to one focal length, which changes")
+        try:
+            again, run = _smoothed(_Run(recording, run.config), progress)
+        except (GeometryError, np.linalg.LinAlgError):  # the run before had a path
+            break
+        if refuses_more(again, solution):
+            break
+        solution = again
+    return solution
 
 
 def _smoothed(

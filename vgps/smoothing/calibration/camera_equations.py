@@ -9,7 +9,7 @@ import numpy as np
 from vgps.camera import distort
 from vgps.geometry import in_picture
 from vgps.lens_jacobian import distortion_jacobian
-from vgps.model import Camera, FloatArray
+from vgps.model import Camera, FloatArray, IntArray
 from vgps.solver.cost import camera_points, pixel_errors
 from vgps.solver.equations.linearised_chunk import LinearisedChunk
 from vgps.solver.equations.normal_equations import Linearisation, whitening
@@ -50,7 +50,7 @@ def linearise_camera(
         camera: The calibration.
         size: Number p of parameters, at most :func:`parameter_count`.
     """
-    by_camera = [_by_camera(problem, part, camera, size) for part in linear.chunks]
+    by_camera = [camera_jacobian(problem, part, camera, size) for part in linear.chunks]
     return reduced_equations(linear, unknowns, by_camera, size)
 
 
@@ -70,7 +70,8 @@ def held_coupling(problem: BundleProblem, linear: Linearisation, unknowns: Unkno
     cameras = 1 if problem.mounts is None else len(problem.mounts.K)
     coupling = np.zeros((POSE_DIM, len(unknowns.free), 4 * cameras + POSE_DIM * (cameras - 1)))
     for part in linear.chunks:
-        _couple(coupling, part, _held_jacobian(problem, part))
+        J = _held_jacobian(problem, part)
+        _couple(coupling, part, J, np.arange(len(J)))
     return unknowns.to_columns(coupling.transpose(1, 0, 2))
 
 
@@ -83,23 +84,36 @@ def _held_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
 
 
 def reduced_equations(
-    linear: Linearisation, unknowns: Unknowns, by_camera: Sequence[FloatArray], size: int
+    linear: Linearisation,
+    unknowns: Unknowns,
+    by_camera: Sequence[FloatArray],
+    size: int,
+    columns: Sequence[IntArray] | None = None,
 ) -> CameraEquations:
-    """Return the equations of parameters with these Jacobians (p, 2, n) by chunk, the points eliminated."""
+    """Return the equations of parameters with Jacobians (k, 2, n) by chunk, the points eliminated.
+
+    Args:
+        linear: The problem, linearised.
+        unknowns: Places of its poses.
+        by_camera: Jacobians of each chunk's residuals.
+        size: Number p of parameters.
+        columns: (k,) those of each chunk's Jacobians; by default all.
+    """
     coupling = np.zeros((POSE_DIM, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
-    for part, J in zip(linear.chunks, by_camera, strict=True):
-        reduced = _couple(coupling, part, J)
-        hessian += np.einsum("kin,min->km", J, reduced)
-        gradient += np.einsum("in,kin->k", part.r, reduced)
+    columns = columns or [np.arange(size)] * len(by_camera)
+    for part, J, own in zip(linear.chunks, by_camera, columns, strict=True):
+        reduced = _couple(coupling, part, J, own)
+        hessian[np.ix_(own, own)] += np.tensordot(J, reduced, axes=((1, 2), (1, 2)))
+        gradient[own] += np.einsum("in,kin->k", part.r, reduced)
     return CameraEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient, by_camera)
 
 
-def _couple(coupling: FloatArray, part: LinearisedChunk, J: FloatArray) -> FloatArray:
+def _couple(coupling: FloatArray, part: LinearisedChunk, J: FloatArray, columns: IntArray) -> FloatArray:
     """Add a chunk to the coupling (6, F, p) of frames with parameters; return its J without the points."""
     reduced = np.stack([one - absorbed_residuals(part, one) for one in J])
     frames = slice(part.chunk.first_frame, part.chunk.first_frame + part.chunk.frames)
-    coupling[:, frames] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
+    coupling[:, frames, columns] += np.stack([part.pose_gradient(r) for r in reduced], axis=-1)
     return reduced
 
 
@@ -153,7 +167,7 @@ def parameter_count(camera: Camera) -> int:
     return 3 + min(len(camera.distortion), 2)
 
 
-def _by_camera(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
+def camera_jacobian(problem: BundleProblem, part: LinearisedChunk, camera: Camera, size: int) -> FloatArray:
     """Return whitened Jacobians (p, 2, n) of a chunk's residuals by the calibration, lens included."""
     here = part.chunk.problem.moved(problem.world_T_camera, problem.world_p_landmark)
     camera_p = camera_points(here)

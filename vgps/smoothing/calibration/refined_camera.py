@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vgps.config import IntrinsicsConfig
-from vgps.model import Camera, FloatArray
+from vgps.model import Camera, FloatArray, FocalChanges
 from vgps.smoothing.calibration.camera_equations import parameter_count
 
 _NAMES = ("focal", "cx", "cy", "k1", "k2")
@@ -24,12 +24,14 @@ class RefinedCamera:
             and where the lens has them ``k1``, ``k2``.
         steps: Number of steps.
         converged: Whether the last step was small relative to its standard deviations.
+        changes: Changes of the focal length that the video shows; None if it shows none.
     """
 
     camera: Camera
     sigma: Mapping[str, float]
     steps: int
     converged: bool
+    changes: FocalChanges | None = None
 
     def differs_from(self, given: Camera, sigmas: float = _SIGNIFICANT_SIGMAS) -> bool:
         """Return whether any parameter moved by more than so many of its standard deviations."""

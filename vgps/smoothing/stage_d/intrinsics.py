@@ -6,15 +6,22 @@ until the steps are small relative to their standard deviations. A rough solutio
 track suffices for this; stage D follows once on all frames.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from vgps.config import IntrinsicsConfig
 from vgps.errors import GeometryError
-from vgps.model import Camera, FloatArray
+from vgps.model import Camera, FloatArray, FocalChanges
 from vgps.smoothing.calibration.camera_equations import changed_camera, linearise_camera, parameter_count
+from vgps.smoothing.calibration.focal_changes import (
+    FocalEquations,
+    changes_of,
+    focal_equations,
+    is_clear,
+    without_change,
+)
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, moved_from, refined_with
 from vgps.smoothing.scene.few_frames import thinned
@@ -27,6 +34,8 @@ from vgps.solver.equations.normal_equations import linearise
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
+
+_SETTLED_CHANGE = 2e-4  # of log focal length, a tenth of a pixel in the corners of most pictures
 
 
 class Optimiser(Protocol):
@@ -63,7 +72,10 @@ def refine_camera(
     Raises:
         GeometryError: The video does not determine the calibration.
     """
-    refined = estimate_camera(scene, camera, prior, optimise, config, every)
+    rough = _estimated(scene, camera, prior, optimise, config, every)
+    refined = rough.refined
+    if config.focal_changes:
+        refined = replace(refined, changes=_focal_changes(rough, prior, optimise, config, every))
     seen = seen_by(refined.camera, prior.of_model(camera), scene)
     return optimise(seen, refined.camera, sigma=np.array(list(refined.sigma.values()))), refined
 
@@ -77,6 +89,27 @@ def estimate_camera(
     every: int = 1,
 ) -> RefinedCamera:
     """Estimate the calibration by rough solutions alone; see :func:`refine_camera`."""
+    return _estimated(scene, camera, prior, optimise, config, every).refined
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """A calibration estimated by rough solutions, and the last of these with its scene."""
+
+    refined: RefinedCamera
+    scene: Scene
+    problem: BundleProblem
+
+
+def _estimated(
+    scene: Scene,
+    camera: Camera,
+    prior: CameraPrior,
+    optimise: Optimiser,
+    config: IntrinsicsConfig,
+    every: int,
+) -> _Rough:
+    """Estimate the calibration by rough solutions."""
     given = prior.of_model(camera)
     few = as_global_shutter(scene, given)
     few = few if every == 1 else thinned(few, every)
@@ -91,7 +124,42 @@ def estimate_camera(
         camera = moved
         result = optimise(few, camera, every)
         converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
-    return refined_with(replace(camera, readout_s=given.readout_s), sigma, step, converged)
+    refined = refined_with(replace(camera, readout_s=given.readout_s), sigma, step, converged)
+    return _Rough(refined, few, result.problem)
+
+
+def _focal_changes(
+    rough: _Rough, prior: CameraPrior, optimise: Optimiser, config: IntrinsicsConfig, every: int
+) -> FocalChanges | None:
+    """Return changes of the focal length, if a rough solution shows them clearly, by further ones."""
+    camera, scene, problem = replace(rough.refined.camera, readout_s=None), rough.scene, rough.problem
+    equations = _focal_equations(problem, camera, prior, scene.t_s)
+    total, evidence = equations.likeliest()
+    if not is_clear(evidence):
+        return None
+    done = np.zeros_like(total)
+    for _ in range(config.iterations):
+        if np.abs(total - done).max() < _SETTLED_CHANGE:
+            break
+        at_frame = np.interp(scene.t_s, equations.t_s, total - done)
+        observations, done = scene.observations, total
+        uv_px = without_change(observations.uv_px, camera, at_frame[observations.frame])
+        scene = replace(scene, observations=replace(observations, uv_px=uv_px))
+        problem = optimise(scene, camera, every).problem
+        scene = replace(scene, poses=problem.world_T_camera, points=problem.world_p_landmark)
+        equations = _focal_equations(problem, camera, prior, scene.t_s)
+        total, evidence = equations.about(done).likeliest()
+        if not is_clear(evidence):  # large changes have left the rough solution astray
+            break
+    return changes_of(equations, done, camera)
+
+
+def _focal_equations(
+    problem: BundleProblem, camera: Camera, prior: CameraPrior, t_s: FloatArray
+) -> FocalEquations:
+    size = parameter_count(camera)
+    believed = ParameterPrior(prior.sigma[:size], moved_from(camera, prior.mean))
+    return focal_equations(problem, camera, believed, t_s)
 
 
 def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterStep) -> Scene:

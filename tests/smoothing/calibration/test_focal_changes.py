@@ -1,0 +1,98 @@
+"""Changes of the focal length, found in exact observations of a known scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import synthetic_bundle
+from scipy.integrate import dblquad
+from scipy.stats import multivariate_normal
+
+from vgps.camera import distort, undistort
+from vgps.model import Camera
+from vgps.smoothing.calibration.focal_changes import (
+    FocalEquations,
+    changes_of,
+    focal_equations,
+    is_clear,
+    without_change,
+)
+from vgps.smoothing.calibration.parameter_step import ParameterPrior
+from vgps.solver.bundle_adjustment import solve
+
+FX, FY, CX, CY = synthetic_bundle.K
+CAMERA = Camera(model="pinhole", width=640, height=480, fx=FX, fy=FY, cx=CX, cy=CY)
+PRIOR = ParameterPrior(np.array([0.01, 5.0, 5.0]), np.zeros(3))
+T_S = np.arange(40) / 5.0
+
+
+def equations_of(log_ratio: np.ndarray) -> FocalEquations:
+    """Those at the optimum of a drive whose pictures grow by these changes (F,)."""
+    problem, _ = synthetic_bundle.drive(disturbed=0.0)
+    centre = np.array([CX, CY])
+    uv_px = centre + (problem.uv_px - centre) * np.exp(log_ratio[problem.frame])[:, None]
+    changed = replace(problem, uv_px=uv_px, sigma_px=np.full(len(uv_px), 0.5))
+    return focal_equations(solve(changed, synthetic_bundle.TIGHT).problem, CAMERA, PRIOR, T_S)
+
+
+def test_a_focal_length_that_changes_is_found():
+    true = 0.01 * np.sin(T_S)
+    equations = equations_of(true)
+    found, evidence = equations.likeliest()
+    assert is_clear(evidence)
+    at_knots = 0.01 * np.sin(equations.t_s)
+    assert np.std(found - at_knots) < 0.5 * np.std(at_knots)
+
+
+def test_one_that_stays_shows_no_change():
+    found, evidence = equations_of(np.zeros(len(T_S))).likeliest()
+    assert not is_clear(evidence)
+    assert np.abs(found).max() < 1e-3
+
+
+def test_the_evidence_is_that_of_all_changes_weighed_by_their_prior():
+    """Integrated numerically for two knots, over the prior that makes the observations likeliest."""
+    H, g = np.array([[5e5, -2e5], [-2e5, 4e5]]), np.array([9e3, -8e3])
+    equations = FocalEquations(np.array([0.0, 2.0]), H, g)
+    found, evidence = equations.likeliest()
+    by_walk = []
+    for walk in np.geomspace(5e-4, 0.2, 14):
+        D = np.array([[-1.0, 1.0]])
+        precision = D.T @ D / (2.0 * walk**2) + np.eye(2) / (3.0 * walk) ** 2
+        prior = multivariate_normal(cov=np.linalg.inv(precision))
+
+        def weighed(y: float, x: float, prior=prior) -> float:
+            s = np.array([x, y])
+            return float(np.exp(-0.5 * s @ H @ s - g @ s) * prior.pdf(s))
+
+        total, _ = dblquad(weighed, -0.2, 0.2, -0.2, 0.2, epsabs=1e-3, epsrel=1e-6)
+        by_walk.append((np.log(total), -np.linalg.solve(H + precision, g)))
+    best = max(by_walk, key=lambda one: one[0])
+    assert evidence == pytest.approx(best[0], abs=1e-3)
+    np.testing.assert_allclose(found, best[1])
+
+
+def test_equations_of_what_is_left_give_the_same_whole():
+    rng = np.random.default_rng(0)
+    A, g, done = rng.normal(size=(9, 3)), rng.normal(size=3), np.array([0.01, -0.02, 0.005])
+    H = 1e5 * A.T @ A
+    whole = FocalEquations(np.arange(3.0), H, 1e3 * g)
+    left = replace(whole, gradient=whole.gradient + H @ done)
+    np.testing.assert_allclose(left.about(done).likeliest()[0], whole.likeliest()[0], rtol=1e-9)
+
+
+def test_pixels_without_the_change_are_those_that_were_scaled():
+    camera = replace(CAMERA, model="opencv", distortion=(-0.2, 0.05, 1e-3, -5e-4))
+    rng = np.random.default_rng(0)
+    uv_px, log_ratio = rng.uniform((80, 60), (560, 420), (50, 2)), rng.uniform(-0.02, 0.02, 50)
+    centre = np.array([CX, CY])
+    seen = centre + (distort(camera, uv_px) - centre) * np.exp(log_ratio)[:, None]
+    np.testing.assert_allclose(without_change(undistort(camera, seen), camera, log_ratio), uv_px, atol=1e-6)
+
+
+def test_changes_are_about_their_mean():
+    equations = FocalEquations(np.array([0.0, 1.0, 2.0]), np.eye(3), np.zeros(3))
+    changes = changes_of(equations, np.array([0.02, 0.03, 0.07]), CAMERA)
+    np.testing.assert_allclose(changes.log_ratio, [-0.02, -0.01, 0.03])
+    assert changes.centre_px == (CX, CY)
+    assert changes.ratio(0.5) == pytest.approx(np.exp(-0.015))

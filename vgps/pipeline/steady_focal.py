@@ -1,0 +1,43 @@
+"""Runs with pictures scaled to one focal length, where a run before shows that it changes."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vgps.model import FocalChanges, Recording
+from vgps.readers.views.steady import steady
+from vgps.solution import Solution
+
+
+def with_steady_focal(recording: Recording, solution: Solution) -> Recording:
+    """Return the recording with pictures of one focal length; the same if its run shows no changes."""
+    changes = solution.sensors.focal_changes
+    return recording if changes is None else steady(recording, changes)
+
+
+def refuses_more(solution: Solution, before: Solution) -> bool:
+    """Whether a run refuses more fixes than the one before, so that its path went astray."""
+    used = [0 if one.fixes is None else int(one.fixes.used.sum()) for one in (solution, before)]
+    return used[0] < used[1]
+
+
+def with_focal_note(solution: Solution) -> Solution:
+    """Return the solution with a warning about changes of the focal length, if there are any."""
+    used, left = solution.camera.focal_changes, solution.sensors.focal_changes
+    if used is None and left is None:
+        return solution
+    if used is not None:
+        note = (
+            f"the focal length changes by {_percent(used):.2g} % in the video, as by focus or zoom: the run "
+            "is of pictures scaled to one focal length; solution.json has the changes, exports allow for them"
+        )
+    if left is not None:
+        words = "the pictures show" if used is None else "they still show"
+        rest = f"{words} changes of the focal length by {_percent(left):.2g} % that poses do not account for"
+        note = rest if used is None else f"{note}; {rest}"
+    return replace(solution, warnings=(*solution.warnings, note))
+
+
+def _percent(changes: FocalChanges) -> float:
+    """Return the range of the focal length as a share of it, in percent."""
+    return 100.0 * float(np.expm1(np.ptp(changes.log_ratio)))
