@@ -33,6 +33,13 @@ def test_a_focus_that_breathes_is_found_and_does_little_harm(data_dir: Path):
     assert any("the focal length changes by" in note for note in found.warnings)
 
 
+@pytest.mark.slow
+def test_a_wrong_calibration_is_no_zoom(data_dir: Path):
+    """The file's focal length is too long by a quarter; the video alone shows one that stays."""
+    found = vgps.smooth(vgps.open_recording(data_dir / "gopro_walk"))
+    assert found.camera.focal_changes is None and found.sensors.focal_changes is None
+
+
 def test_a_run_without_changes_keeps_its_recording_and_says_nothing(recording: Path):
     opened, solution = vgps.open_recording(recording), distinct_values()
     assert with_steady_focal(opened, solution) is opened

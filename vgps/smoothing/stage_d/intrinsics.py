@@ -35,6 +35,7 @@ from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
 
+_CONTRADICTED_SIGMAS = 3.0  # of the prior
 _SETTLED_CHANGE = 2e-4  # of log focal length, a tenth of a pixel in the corners of most pictures
 
 
@@ -131,8 +132,14 @@ def _estimated(
 def _focal_changes(
     rough: _Rough, prior: CameraPrior, optimise: Optimiser, config: IntrinsicsConfig, every: int
 ) -> FocalChanges | None:
-    """Return changes of the focal length, if a rough solution shows them clearly, by further ones."""
+    """Return changes of the focal length, if a rough solution shows them clearly, by further ones.
+
+    A lens that the video contradicts, and that its prior keeps from the right one, fits some parts of the
+    video better with other focal lengths.
+    """
     camera, scene, problem = replace(rough.refined.camera, readout_s=None), rough.scene, rough.problem
+    if np.abs(moved_from(camera, prior.mean)[0]) > _CONTRADICTED_SIGMAS * prior.sigma[0]:
+        return None
     equations = _focal_equations(problem, camera, prior, scene.t_s)
     total, evidence = equations.likeliest()
     if not is_clear(evidence):
