@@ -14,8 +14,9 @@ from vgps.landmarks.build import build_database, build_from_runs
 from vgps.landmarks.database import LandmarkDatabase
 from vgps.landmarks.database_writer import write_database
 from vgps.landmarks.model import DatabaseContents
-from vgps.model import GeodeticPoint
+from vgps.model import FocalChanges, GeodeticPoint
 from vgps.readers.recording import open_recording
+from vgps.readers.views.steady import steady
 from vgps.solution import FrameState
 from vgps.writers.run_folder import write_run
 
@@ -188,6 +189,24 @@ def test_two_runs_of_different_origins_meet_in_one_world(wall: WallRun, tmp_path
     # a ten-thousandth of a degree of longitude at 49 degrees north, to the east
     np.testing.assert_allclose(apart, np.tile([7.32, 0, 0], (half, 1)), atol=0.02)
     assert len(both.sources) == 2
+
+
+def test_templates_of_a_camera_that_zooms_are_of_pictures_of_one_focal_length(wall: WallRun) -> None:
+    """The camera that the database keeps is one of other videos, too, without the changes of this one."""
+    centre = PINHOLE.cx, PINHOLE.cy
+    changes = FocalChanges((0.0, 1e3), (0.05, 0.05), centre)
+    camera = replace(wall.solution.camera, focal_changes=changes)
+    recording = open_recording(wall.recording, with_gps=False)
+    found = build_database(replace(wall.solution, camera=camera), recording)
+    (source,) = found.sources
+    assert source.cameras is not None
+    assert source.cameras.refined == wall.solution.camera
+    assert source.cameras.given == recording.camera
+    scaled = steady(recording, changes)
+    expected = build_database(replace(wall.solution, camera=camera), scaled)
+    np.testing.assert_array_equal(found.views.templates, expected.views.templates)
+    as_they_are = build_database(wall.solution, recording)
+    assert np.mean(found.views.templates != as_they_are.views.templates) > 0.5
 
 
 def test_no_run_at_all_is_refused() -> None:

@@ -1,6 +1,7 @@
 """Building of a landmark database from runs: their landmarks, and templates from their videos."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,7 @@ def build_database(
     """
     config = config or LandmarksConfig()
     _check(solution, recording)
+    cameras = Cameras(recording.camera, replace(solution.camera, focal_changes=None))
     recording = as_posed(recording, solution.camera)
     observations = collect_observations(solution)
     reliable, sigma_m = reliable_landmarks(solution, observations, config)
@@ -114,7 +116,6 @@ def build_database(
     templates, keyframes = _read_video(video, solution, selected, observations, keys, config)
     views = _views(solution, selected, sigma_m, templates)
     count = len(np.unique(views.landmark))
-    cameras = Cameras(recording.camera, solution.camera)
     source = Source(str(recording.path), frames, count, config.model_dump_json(), cameras)
     return DatabaseContents(solution.world_origin, views, keyframes, (source,))
 

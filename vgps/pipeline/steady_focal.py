@@ -29,7 +29,7 @@ def with_focal_note(solution: Solution) -> Solution:
     if used is not None:
         note = (
             f"the focal length changes by {_percent(used):.2g} % in the video, as by focus or zoom: the run "
-            "is of pictures scaled to one focal length; solution.json has the changes, exports allow for them"
+            "is of pictures scaled to one; solution.json has the changes, and exports allow for them"
         )
     if left is not None:
         words = "the pictures show" if used is None else "they still show"

@@ -107,11 +107,9 @@ def focal_equations(
 
 
 def changes_of(equations: FocalEquations, log_ratio: FloatArray, camera: Camera) -> FocalChanges:
-    """Return changes (K,) of the focal length about the mean of their logarithm."""
-    about_mean = log_ratio - log_ratio.mean()
-    return FocalChanges(
-        tuple(equations.t_s.tolist()), tuple(about_mean.tolist()), (float(camera.cx), float(camera.cy))
-    )
+    """Return changes with these logarithms (K,), about the principal point."""
+    centre_px = float(camera.cx), float(camera.cy)
+    return FocalChanges(tuple(equations.t_s.tolist()), tuple(log_ratio.tolist()), centre_px)
 
 
 def without_change(uv_px: FloatArray, camera: Camera, log_ratio: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ until the steps are small relative to their standard deviations. A rough solutio
 track suffices for this; stage D follows once on all frames.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -140,25 +141,22 @@ def _focal_changes(
     camera, scene, problem = replace(rough.refined.camera, readout_s=None), rough.scene, rough.problem
     if np.abs(moved_from(camera, prior.mean)[0]) > _CONTRADICTED_SIGMAS * prior.sigma[0]:
         return None
-    equations = _focal_equations(problem, camera, prior, scene.t_s)
-    total, evidence = equations.likeliest()
-    if not is_clear(evidence):
-        return None
-    done = np.zeros_like(total)
-    for _ in range(config.iterations):
-        if np.abs(total - done).max() < _SETTLED_CHANGE:
-            break
-        at_frame = np.interp(scene.t_s, equations.t_s, total - done)
-        observations, done = scene.observations, total
-        uv_px = without_change(observations.uv_px, camera, at_frame[observations.frame])
-        scene = replace(scene, observations=replace(observations, uv_px=uv_px))
-        problem = optimise(scene, camera, every).problem
-        scene = replace(scene, poses=problem.world_T_camera, points=problem.world_p_landmark)
-        equations = _focal_equations(problem, camera, prior, scene.t_s)
-        total, evidence = equations.about(done).likeliest()
-        if not is_clear(evidence):  # large changes have left the rough solution astray
-            break
-    return changes_of(equations, done, camera)
+    found = None
+    with suppress(GeometryError, NotPositiveDefiniteError):  # what was found before stays
+        for _ in range(config.iterations):
+            equations = _focal_equations(problem, camera, prior, scene.t_s)
+            done = np.zeros_like(equations.t_s) if found is None else np.array(found.log_ratio)
+            total, evidence = equations.about(done).likeliest()
+            step = total - total.mean() - done
+            if not is_clear(evidence) or np.abs(step).max() < _SETTLED_CHANGE:
+                break  # large changes may have left the rough solution astray
+            found = changes_of(equations, done + step, camera)
+            at_frame, observations = np.interp(scene.t_s, equations.t_s, step), scene.observations
+            uv_px = without_change(observations.uv_px, camera, at_frame[observations.frame])
+            scene = replace(scene, observations=replace(observations, uv_px=uv_px))
+            problem = optimise(scene, camera, every).problem
+            scene = replace(scene, poses=problem.world_T_camera, points=problem.world_p_landmark)
+    return found
 
 
 def _focal_equations(
