@@ -1,6 +1,6 @@
 """Normal equations of the camera's calibration beside those of poses, with the points eliminated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import gtsam
@@ -22,19 +22,28 @@ _STEPS = np.array([1e-5, 1e-2, 1e-2, 1e-5, 1e-5])  # of the numerical Jacobian
 
 
 @dataclass(frozen=True)
-class CameraEquations:
-    """Equations of log focal length, principal point and the first two coefficients: p parameters.
+class ReducedEquations:
+    """Equations of p parameters beside poses and states, with the points eliminated.
 
     Attributes:
         coupling: (6 n_free, p) with poses and states.
         hessian: (p, p).
         gradient: (p,).
-        by_camera: Whitened Jacobians (p, 2, n) of each chunk's residuals.
     """
 
     coupling: FloatArray
     hessian: FloatArray
     gradient: FloatArray
+
+
+@dataclass(frozen=True)
+class CameraEquations(ReducedEquations):
+    """Equations of log focal length, principal point and the first two coefficients.
+
+    Attributes:
+        by_camera: Whitened Jacobians (p, 2, n) of each chunk's residuals.
+    """
+
     by_camera: Sequence[FloatArray]
 
 
@@ -84,29 +93,32 @@ def _held_jacobian(problem: BundleProblem, part: LinearisedChunk) -> FloatArray:
 
 
 def reduced_equations(
-    linear: Linearisation,
-    unknowns: Unknowns,
-    by_camera: Sequence[FloatArray],
-    size: int,
-    columns: Sequence[IntArray] | None = None,
+    linear: Linearisation, unknowns: Unknowns, by_camera: Sequence[FloatArray], size: int
 ) -> CameraEquations:
-    """Return the equations of parameters with Jacobians (k, 2, n) by chunk, the points eliminated.
+    """Return the equations of parameters with these Jacobians (p, 2, n) by chunk, the points eliminated."""
+    every = np.arange(size)
+    sums = summed_equations(linear, unknowns, ((J, every) for J in by_camera), size)
+    return CameraEquations(sums.coupling, sums.hessian, sums.gradient, by_camera)
+
+
+def summed_equations(
+    linear: Linearisation, unknowns: Unknowns, jacobians: Iterable[tuple[FloatArray, IntArray]], size: int
+) -> ReducedEquations:
+    """Return the equations of parameters, the points eliminated, chunk by chunk.
 
     Args:
         linear: The problem, linearised.
         unknowns: Places of its poses.
-        by_camera: Jacobians of each chunk's residuals.
+        jacobians: For each chunk, those (k, 2, n) of its residuals and the parameters (k,) that they are by.
         size: Number p of parameters.
-        columns: (k,) those of each chunk's Jacobians; by default all.
     """
     coupling = np.zeros((POSE_DIM, len(unknowns.free), size))
     hessian, gradient = np.zeros((size, size)), np.zeros(size)
-    columns = columns or [np.arange(size)] * len(by_camera)
-    for part, J, own in zip(linear.chunks, by_camera, columns, strict=True):
+    for part, (J, own) in zip(linear.chunks, jacobians, strict=True):
         reduced = _couple(coupling, part, J, own)
         hessian[np.ix_(own, own)] += np.tensordot(J, reduced, axes=((1, 2), (1, 2)))
         gradient[own] += np.einsum("in,kin->k", part.r, reduced)
-    return CameraEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient, by_camera)
+    return ReducedEquations(unknowns.to_columns(coupling.transpose(1, 0, 2)), hessian, gradient)
 
 
 def _couple(coupling: FloatArray, part: LinearisedChunk, J: FloatArray, columns: IntArray) -> FloatArray:

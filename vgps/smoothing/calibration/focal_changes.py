@@ -6,21 +6,20 @@ linearised problem is Gaussian). Without a walk the focal length stays: by how m
 decides whether it changes at all.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from vgps.camera import distort, undistort
-from vgps.model import Camera, FloatArray, FocalChanges
-from vgps.smoothing.calibration.camera_equations import camera_jacobian, reduced_equations
-from vgps.smoothing.calibration.parameter_step import ParameterPrior
+from vgps.model import Camera, FloatArray, FocalChanges, IntArray
+from vgps.smoothing.calibration.camera_equations import camera_jacobian, summed_equations
+from vgps.smoothing.calibration.parameter_step import ParameterPrior, without_poses
 from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.equations.normal_equations import linearise
-from vgps.solver.equations.schur_complement import reduce_to_poses
 from vgps.solver.gtsam_values import all_pose_values
 from vgps.solver.problem import BundleProblem
 
-_DAMPING = 1e-9  # relative, as in parameter_step
 _SPACING_S = 1.0  # a lens takes about as long to focus anew
 _MOST_KNOTS = 200  # each is a column beside all poses
 _WALKS = np.geomspace(5e-4, 0.2, 14)  # of log focal length in a second: from what no video shows to a zoom
@@ -82,19 +81,17 @@ def focal_equations(
     count = int(np.clip(np.ceil(np.ptp(t_s) / _SPACING_S), 1, _MOST_KNOTS - 1)) + 1
     knots = np.linspace(t_s[0], t_s[-1], count)
     share = np.stack([np.interp(t_s, knots, one) for one in np.eye(count)], axis=1)
-    by_camera, columns = [], []
-    for part in linear.chunks:
-        calibration = camera_jacobian(problem, part, camera, size)
-        of_frame = share[part.chunk.frame + part.chunk.first_frame]
-        near = np.flatnonzero(of_frame.any(axis=0))
-        by_camera.append(np.concatenate([calibration, of_frame[:, near].T[:, None] * calibration[0]]))
-        columns.append(np.append(np.arange(size), size + near))
-    equations = reduced_equations(linear, structure, by_camera, size + count, columns)
-    V = equations.coupling
-    matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
-    follow = structure.cholesky(matrix).solve(np.column_stack([V, pose_gradient]))
-    hessian = equations.hessian - V.T @ follow[:, :-1]
-    gradient = equations.gradient - V.T @ follow[:, -1]
+
+    def jacobians() -> Iterator[tuple[FloatArray, IntArray]]:
+        for part in linear.chunks:
+            calibration = camera_jacobian(problem, part, camera, size)
+            of_frame = share[part.chunk.frame + part.chunk.first_frame]
+            near = np.flatnonzero(of_frame.any(axis=0))
+            by_knot = of_frame[:, near].T[:, None] * calibration[0]
+            yield np.concatenate([calibration, by_knot]), np.append(np.arange(size), size + near)
+
+    equations = summed_equations(linear, structure, jacobians(), size + count)
+    hessian, gradient, _ = without_poses(linear, structure, equations)
     hessian[:size, :size] += np.diag(1.0 / prior.sigma**2)
     gradient[:size] += prior.moved / prior.sigma**2
     right = np.column_stack([hessian[:size, size:], gradient[:size]])

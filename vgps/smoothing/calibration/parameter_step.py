@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 
 from vgps.model import FloatArray
-from vgps.smoothing.calibration.camera_equations import CameraEquations
+from vgps.smoothing.calibration.camera_equations import CameraEquations, ReducedEquations
 from vgps.solver.equations.elimination import SparsityStructure
 from vgps.solver.equations.linearised_chunk import LinearisedChunk
 from vgps.solver.equations.normal_equations import Linearisation
@@ -55,12 +55,10 @@ def parameter_step(
     Raises:
         NotPositiveDefiniteError: The poses are not determined.
     """
-    V = equations.coupling
-    matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
-    follow = structure.cholesky(matrix).solve(np.column_stack([V, pose_gradient]))
+    hessian, gradient, follow = without_poses(linear, structure, equations)
     precision = 1.0 / prior.sigma**2
-    information = equations.hessian - V.T @ follow[:, :-1] + np.diag(precision)
-    gradient = equations.gradient - V.T @ follow[:, -1] + precision * prior.moved
+    information = hessian + np.diag(precision)
+    gradient = gradient + precision * prior.moved
     delta: FloatArray = -np.linalg.solve(information, gradient).astype(np.float64)
     sigma: FloatArray = np.sqrt(np.diagonal(np.linalg.inv(information))).astype(np.float64)
     poses = structure.to_frames(-(follow[:, :-1] @ delta + follow[:, -1]))
@@ -70,6 +68,23 @@ def parameter_step(
         gtsam.Pose3(T).retract(d).matrix() for T, d in zip(problem.world_T_camera, poses, strict=True)
     ]
     return ParameterStep(delta, sigma, np.stack(retracted), points)
+
+
+def without_poses(
+    linear: Linearisation, structure: SparsityStructure, equations: ReducedEquations
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return Hessian (p, p) and gradient (p,) of parameters without the poses, and how these follow.
+
+    The last is (6 n_free, p + 1): the step of poses and states is minus its first columns times that of the
+    parameters, minus its last column.
+
+    Raises:
+        NotPositiveDefiniteError: The poses are not determined.
+    """
+    V = equations.coupling
+    matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
+    follow = structure.cholesky(matrix).solve(np.column_stack([V, pose_gradient]))
+    return equations.hessian - V.T @ follow[:, :-1], equations.gradient - V.T @ follow[:, -1], follow
 
 
 def _moved(part: LinearisedChunk, J: FloatArray, delta: FloatArray) -> LinearisedChunk:
