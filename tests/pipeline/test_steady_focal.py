@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distinct_solution import distinct_values
+from exports import LENSES, consistent
 
 import vgps
 from scripts.common.live_runs import truth_of
-from scripts.experiments.changed_videos import breathing, shown_at
+from scripts.experiments.changed_videos import as_it_is, breathing, nearest, shown_at
 from vgps.model import FocalChanges
-from vgps.pipeline.steady_focal import refuses_more, with_focal_note, with_steady_focal
+from vgps.pipeline.steady_focal import fits_worse, refuses_more, with_focal_note, with_steady_focal
 from vgps.solution import Verdict
 
 CHANGES = FocalChanges((0.0, 2.0), (-0.01, 0.02), (320.0, 240.0))
@@ -65,10 +66,24 @@ def test_the_warnings_say_what_changes_and_what_is_left():
     assert "changes by 3 %" in note and "they still show changes" in note
 
 
-def test_a_run_that_refuses_more_fixes_is_no_better():
+def test_a_run_that_refuses_more_fixes_has_gone_astray():
     solution = distinct_values()
     assert solution.fixes is not None
     fewer = replace(solution.fixes, verdict=(Verdict.REJECTED,) * len(solution.fixes.verdict))
     assert refuses_more(replace(solution, fixes=fewer), solution)
     assert not refuses_more(solution, replace(solution, fixes=fewer))
     assert not refuses_more(solution, solution)
+
+
+def test_a_run_fits_worse_by_its_observations():
+    before, after = (consistent(distinct_values(), LENSES["opencv"], noise_px)[0] for noise_px in (0.5, 0.4))
+    assert fits_worse(before, after)
+    assert not fits_worse(after, before) and not fits_worse(before, before)
+
+
+@pytest.mark.slow
+def test_wrong_times_of_frames_are_no_zoom(data_dir: Path):
+    """The fixes seemed to show one of two per cent, and poses among RTK-floats were off by 0.37 m."""
+    recording = vgps.open_recording(data_dir / "kitti07", gps="gps_float.nmea")
+    order = nearest(recording.video.times_s, 1.25)
+    assert vgps.smooth(shown_at(recording, order, as_it_is)).camera.focal_changes is None

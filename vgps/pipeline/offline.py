@@ -27,7 +27,7 @@ from vgps.pipeline.rough_solution import is_tied
 from vgps.pipeline.run_result import solution_of
 from vgps.pipeline.sensor_notes import with_moving_note
 from vgps.pipeline.solved_maps import merged_maps
-from vgps.pipeline.steady_focal import refuses_more, with_focal_note, with_steady_focal
+from vgps.pipeline.steady_focal import fits_worse, refuses_more, with_focal_note, with_steady_focal
 from vgps.pipeline.turned_camera import with_right_roll
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
@@ -108,6 +108,7 @@ def _with_one_focal_length(solution: Solution, run: _Run, progress: Progress) ->
 
     Maps made with a wrong focal length show only a part of its changes.
     """
+    first = solution
     for _ in range(_MOST_STEADY_RUNS):
         recording = with_steady_focal(run.recording, solution)
         if recording is run.recording:
@@ -120,7 +121,7 @@ def _with_one_focal_length(solution: Solution, run: _Run, progress: Progress) ->
         if refuses_more(again, solution):
             break
         solution = again
-    return solution
+    return first if fits_worse(solution, first) else solution
 
 
 def _smoothed(

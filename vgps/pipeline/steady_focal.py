@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vgps.landmarks.observation_selection import collect_observations
 from vgps.model import FocalChanges, Recording
 from vgps.readers.views.steady import steady
 from vgps.solution import Solution
@@ -19,6 +20,21 @@ def refuses_more(solution: Solution, before: Solution) -> bool:
     """Whether a run refuses more fixes than the one before, so that its path went astray."""
     used = [0 if one.fixes is None else int(one.fixes.used.sum()) for one in (solution, before)]
     return used[0] < used[1]
+
+
+def fits_worse(solution: Solution, before: Solution) -> bool:
+    """Whether the observations of a run fit its landmarks less well than those of the one before.
+
+    Frames whose times are wrong contradict the fixes, and a zoom may seem to explain that, but not what the
+    pictures show. Half-way to the changes of a true zoom pictures fit less well, too; in the end they do not.
+    """
+    return _misfit_px(solution) > _misfit_px(before)
+
+
+def _misfit_px(solution: Solution) -> float:
+    """Return the mean distance of observations from where their landmarks are seen."""
+    seen = collect_observations(solution)
+    return float(seen.error_px[seen.depth_m > 0.0].mean())
 
 
 def with_focal_note(solution: Solution) -> Solution:
