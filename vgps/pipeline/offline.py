@@ -35,7 +35,7 @@ from vgps.runtime.timing import StageTimer, sequential_seconds
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.solution import Solution
 
-_MOST_STEADY_RUNS = 4
+_MOST_STEADY_RUNS = 4  # each is as long as the first; a zoom of a tenth took three
 _ASTRAY_SHARE = 0.05  # a camera that a run has found is off by more only if that run went astray
 
 
@@ -121,7 +121,7 @@ def _with_one_focal_length(solution: Solution, run: _Run, progress: Progress) ->
         if refuses_more(again, solution):
             break
         solution = again
-    return first if fits_worse(solution, first) else solution
+    return first if solution is not first and fits_worse(solution, first) else solution
 
 
 def _smoothed(

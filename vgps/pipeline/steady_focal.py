@@ -40,18 +40,20 @@ def _misfit_px(solution: Solution) -> float:
 def with_focal_note(solution: Solution) -> Solution:
     """Return the solution with a warning about changes of the focal length, if there are any."""
     used, left = solution.camera.focal_changes, solution.sensors.focal_changes
-    if used is None and left is None:
-        return solution
+    notes = []
     if used is not None:
-        note = (
-            f"the focal length changes by {_percent(used):.2g} % in the video, as by focus or zoom: the run "
-            "is of pictures scaled to one; solution.json has the changes, and exports allow for them"
+        notes.append(
+            f"the focal length changes by {_percent(used):.2g} % in the video, as by focus or zoom: the "
+            "run is of pictures scaled to one; solution.json has the changes, and exports allow for them"
         )
-    if left is not None:
-        words = "the pictures show" if used is None else "they still show"
-        rest = f"{words} changes of the focal length by {_percent(left):.2g} % that poses do not account for"
-        note = rest if used is None else f"{note}; {rest}"
-    return replace(solution, warnings=(*solution.warnings, note))
+    if left is not None and used is not None:
+        notes.append(f"they still show changes of the focal length by {_percent(left):.2g} %")
+    elif left is not None:
+        notes.append(
+            f"changes of the focal length by {_percent(left):.2g} % would explain video and fixes better, "
+            "but runs without them were no better: frames or fixes whose times are wrong look the same"
+        )
+    return replace(solution, warnings=(*solution.warnings, "; ".join(notes))) if notes else solution
 
 
 def _percent(changes: FocalChanges) -> float:

@@ -80,11 +80,13 @@ def steady(recording: Recording, changes: FocalChanges) -> Recording:
         changes: What its pictures show.
     """
     video, masks, camera = recording.video, recording.masks, recording.camera
-    points = recording.control_points
+    points, before = recording.control_points, camera.focal_changes
+    if before is not None:
+        changes = replace(changes, centre_px=before.centre_px)
     if points is not None:
         points = _scaled_points(points, changes, video.times_s)
-    if camera.focal_changes is not None:
-        changes = camera.focal_changes.followed_by(changes)
+    if before is not None:
+        changes = before.followed_by(changes)
     video = video.video if isinstance(video, SteadyVideo) else video
     masks = masks.masks if isinstance(masks, SteadyMasks) else masks
     pictures = SteadyVideo(video, changes)

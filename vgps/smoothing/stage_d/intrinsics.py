@@ -17,7 +17,6 @@ from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray, FocalChanges
 from vgps.smoothing.calibration.camera_equations import changed_camera, linearise_camera, parameter_count
 from vgps.smoothing.calibration.focal_changes import (
-    FocalEquations,
     changes_of,
     focal_equations,
     is_clear,
@@ -144,7 +143,7 @@ def _focal_changes(
     found = None
     with suppress(GeometryError, NotPositiveDefiniteError):  # what was found before stays
         for _ in range(config.iterations):
-            equations = _focal_equations(problem, camera, prior, scene.t_s)
+            equations = focal_equations(problem, camera, _believed(camera, prior), scene.t_s)
             done = np.zeros_like(equations.t_s) if found is None else np.array(found.log_ratio)
             total, evidence = equations.about(done).likeliest()
             step = total - total.mean() - done
@@ -159,12 +158,9 @@ def _focal_changes(
     return found
 
 
-def _focal_equations(
-    problem: BundleProblem, camera: Camera, prior: CameraPrior, t_s: FloatArray
-) -> FocalEquations:
-    size = parameter_count(camera)
-    believed = ParameterPrior(prior.sigma[:size], moved_from(camera, prior.mean))
-    return focal_equations(problem, camera, believed, t_s)
+def _believed(camera: Camera, prior: CameraPrior) -> ParameterPrior:
+    """Return the prior of a camera's parameters."""
+    return ParameterPrior(prior.sigma[: parameter_count(camera)], moved_from(camera, prior.mean))
 
 
 def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterStep) -> Scene:
@@ -182,9 +178,8 @@ def _step(problem: BundleProblem, camera: Camera, prior: CameraPrior) -> Paramet
     structure, size = analyse_sparsity(problem), parameter_count(camera)
     linear = linearise(problem, all_pose_values(problem), structure)
     equations = linearise_camera(problem, linear, structure, camera, size)
-    believed = ParameterPrior(prior.sigma[:size], moved_from(camera, prior.mean))
     try:
-        return parameter_step(problem, linear, structure, equations, believed)
+        return parameter_step(problem, linear, structure, equations, _believed(camera, prior))
     except NotPositiveDefiniteError:
         raise GeometryError(
             "the video does not determine the calibration with its poses",
