@@ -1,4 +1,4 @@
-"""What do jumping exposures, repeated or missing pictures, noise, blur, darkness, focus and zoom do to poses?
+"""What do jumping exposures, repeated, missing or late pictures, noise, blur, darkness and zoom do to poses?
 
 The videos of recordings with truth are changed as those of users are. Errors are unaligned, offline and live
 as poses came, of the frames that are the first to show their picture: where the camera was when it was taken.
@@ -140,6 +140,11 @@ def missing(t_s: FloatArray, share: float) -> Order:
     return kept, t_s[kept]
 
 
+def stamped(t_s: FloatArray, most_s: float) -> Order:
+    """Return pictures and times of a video whose frames a computer stamped late, by turns."""
+    return np.arange(len(t_s)), t_s + np.random.default_rng(0).uniform(0.0, most_s, len(t_s))
+
+
 def without(t_s: FloatArray, lost: Stretches) -> Order:
     """Return pictures and times of a video that lost stretches of frames."""
     kept = np.flatnonzero(~lost.contain(t_s))
@@ -171,6 +176,7 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         ("1.25 times, from the nearest frame on", nearest(t_s, 1.25), as_it_is),
         ("1.25 times, the closest picture", closest(t_s, 1.25), as_it_is),
         ("three of ten frames missing", missing(t_s, 0.3), as_it_is),
+        ("time stamps late by up to 0.05 s", stamped(t_s, 0.05), as_it_is),
         ("noise of 15 gray values", order, noisy(15.0)),
         ("blur of 3 px", order, blurred(3.0)),
         ("a tenth of the light, noise of 4 gray values", order, dark(10.0, 4.0)),

@@ -1,4 +1,4 @@
-"""Videos that were converted to another frame rate: pure patterns, and a real recording."""
+"""Videos that were converted to another frame rate, or stamped by a computer: patterns, and a real drive."""
 
 from dataclasses import replace
 
@@ -16,8 +16,14 @@ from vgps.errors import GeometryError
 from vgps.pipeline.even_times import even_times, with_even_times
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
+from vgps.readers.video.retimed_video import RetimedVideo
 from vgps.runtime.progress import NoProgress
 from vgps.smoothing.merging.merge_cameras import CameraMaps
+
+
+def late_s(count):
+    """What a computer may stamp pictures late by."""
+    return np.random.default_rng(0).uniform(0.0, 0.08, count)
 
 
 def repeats_of(shown):
@@ -132,6 +138,41 @@ def again(front_end, shown, monkeypatch, run=lambda recording, *_: recording):
 @pytest.mark.slow
 def test_a_video_as_it_was_recorded_keeps_its_times(front_end):
     config = fewer_features(100)
+    assert with_even_times(front_end, config, NoProgress()) == (front_end, config)
+
+
+@pytest.mark.slow
+def test_a_video_that_a_computer_stamped_has_even_times(drive, data_dir):
+    """Time stamps up to 0.08 s late: by these poses are off by 0.26 m."""
+    t_s = drive.video.times_s
+    stamped = replace(drive, video=RetimedVideo(drive.video, t_s + late_s(len(t_s))))
+    solution = vgps.smooth(stamped, fewer_features(100))
+    true = read_trajectory(data_dir / "kitti07/truth.tum").world_T_camera[: len(t_s)]
+    error = solution.world_T_camera[:, :3, 3] - true[:, :3, 3]
+    assert np.linalg.norm(error, axis=1).mean() < 0.08
+    assert np.mean(np.sum((error / solution.sigma_position_m) ** 2, axis=1)) < 4.0
+    np.testing.assert_allclose(np.diff(solution.t_s), 0.1, atol=2e-3)
+    (told,) = [one for one in solution.warnings if "even times" in one]
+    assert "over which the path is smoother" in told
+
+
+@pytest.mark.slow
+def test_what_all_stamps_are_late_by_is_as_unsure_as_they_are(front_end, monkeypatch):
+    monkeypatch.setattr("vgps.pipeline.even_times.run_front_end", lambda recording, *_: recording)
+    off_s = late_s(30)
+    stamped = replace(front_end, t_s=front_end.t_s + off_s)
+    recording, config = with_even_times(stamped, Config(), NoProgress())
+    np.testing.assert_allclose(np.diff(recording.video.times_s), 0.1, atol=2e-3)
+    assert config.sensors.frame_time_sigma_s == pytest.approx(np.std(off_s), rel=0.1)
+    assert recording.video.repeats is None
+
+
+@pytest.mark.slow
+def test_pictures_taken_at_uneven_times_keep_them(drive):
+    """Every third of three seconds is missing."""
+    t_s, config = drive.video.times_s, fewer_features(100)
+    kept = np.flatnonzero(np.arange(30) % 3 != 2)
+    front_end = run_front_end(shown_at(drive, (kept, t_s[kept])), config, NoProgress())
     assert with_even_times(front_end, config, NoProgress()) == (front_end, config)
 
 

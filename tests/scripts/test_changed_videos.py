@@ -14,6 +14,7 @@ from scripts.experiments.changed_videos import (
     dark,
     exposed,
     missing,
+    stamped,
     without,
 )
 
@@ -33,6 +34,12 @@ def test_more_frames_a_second_repeat_the_newest_picture(factor, shown):
 def test_frames_that_are_missing_leave_the_others_their_times():
     kept, at_s = missing(T_S, 0.3)
     assert 0 < len(kept) < len(T_S) and (at_s == T_S[kept]).all()
+
+
+def test_frames_that_a_computer_stamped_are_late_by_turns():
+    shown, at_s = stamped(T_S, 0.05)
+    assert shown.tolist() == list(range(20))
+    assert (at_s >= T_S).all() and 0.03 < (at_s - T_S).max() < 0.05
 
 
 def test_frames_are_those_of_the_times_and_pictures(recording):

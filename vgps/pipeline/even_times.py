@@ -1,13 +1,15 @@
-"""Times of the pictures of a video that was converted to another frame rate.
+"""Times of the pictures of a video whose time stamps are not those at which they were taken.
 
-A converter gives each frame the nearest picture, or the newest. Frames that are the first to show one then
-have times that are off by up to a frame, by turns, and by a part of that in the mean: half a frame is 0.2 m
-at 10 m/s and 25 frames a second. A camera takes pictures at even times, and which frames repeat one tells
-them.
+A camera takes pictures at even times. A converter to another frame rate gives each frame the nearest picture,
+or the newest. Frames that are the first to show one then have times that are off by up to a frame, by turns,
+and by a part of that in the mean: half a frame is 0.2 m at 10 m/s and 25 frames a second. Which frames repeat
+a picture tells the even times. A computer that stamps pictures as they come is late by turns, too; the path
+is smoother over the even times.
 """
 
 from bisect import bisect
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linprog
@@ -15,7 +17,9 @@ from scipy.stats import entropy
 
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
-from vgps.model import BoolArray, FloatArray
+from vgps.geometry.even_times import even_times as line_times
+from vgps.geometry.even_times import smoother_by
+from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.readers.video.retimed_video import RetimedVideo
 from vgps.runtime.progress import Progress
@@ -28,14 +32,37 @@ _CLOSE = 0.5  # frames between pictures where even times end
 # the frame nearest to it on), half a frame later (from the one after it), or half of what is between the two
 # intervals earlier (as soon as it is nearer than the picture before).
 _UNKNOWN = 0.25
-_NOTE = (
+_LEAST_FRAMES = 8
+_CLEAR = float(np.log(100.0))  # of the ratio of the likelihoods of a path over two times
+_CONVERTED = (
     "the video was converted: it shows about {0:.4g} pictures a second in {1:.4g} frames. Their times were "
     "taken to be even, up to {2:.3f} s from their time stamps; how late all of them are is known to {3:.3f} s"
 )
+_STAMPED = (
+    "the frames have time stamps up to {0:.3f} s off even times, over which the path is smoother: their "
+    "times were taken to be even; how late all of them are is known to {1:.3f} s"
+)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Even times of a video.
+
+    Attributes:
+        at_s: (F,) times of all frames, strictly increasing.
+        repeats: (F,) which frames repeat the picture before them; None if none is known to.
+        late_s: Standard deviation of what all times may be late by.
+        note: What is to be told.
+    """
+
+    at_s: FloatArray
+    repeats: BoolArray | None
+    late_s: float
+    note: str
 
 
 def with_even_times(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
-    """Return the front end of pictures at even times, if repeats show such, and settings with what is left.
+    """Return the front end of pictures at even times, if the video shows any, and settings with what is left.
 
     Rigs of several cameras keep their times.
 
@@ -44,27 +71,61 @@ def with_even_times(front_end: FrontEnd, config: Config, progress: Progress) -> 
         config: Settings.
         progress: Progress display.
     """
-    t_s, repeats = front_end.t_s, np.zeros(len(front_end.t_s), bool)
-    repeats[front_end.repeated_frames] = True
-    if front_end.others or config.sensors.frame_time_sigma_s or not repeats.any():
+    if front_end.others or config.sensors.frame_time_sigma_s:
         return front_end, config
-    at_s, even = even_times(t_s, repeats, _views(front_end) | repeats)
-    if not even.any():
+    found = _of_converted(front_end) or _of_stamped(front_end)
+    if found is None:
         return front_end, config
-    frame_s, picture_s = (float(np.median(np.diff(times_s))) for times_s in (t_s, at_s[even]))
-    sensors = config.sensors.model_copy(update={"frame_time_sigma_s": _UNKNOWN * picture_s})
+    sensors = config.sensors.model_copy(update={"frame_time_sigma_s": found.late_s})
     changed = config.model_copy(update={"sensors": sensors})
-    off_s = float(np.abs(at_s - t_s).max())
-    note = _NOTE.format(1.0 / picture_s, 1.0 / frame_s, off_s, sensors.frame_time_sigma_s)
-    recording = replace(front_end.recording, notes=(*front_end.recording.notes, note))
-    if off_s < _NOTABLE * frame_s:
-        return replace(front_end, recording=recording, warnings=(*front_end.warnings, note)), changed
-    progress.stage("again with the pictures at the even times that repeats show")
-    retimed = replace(recording, video=RetimedVideo(recording.video, at_s, repeats))
+    recording = replace(front_end.recording, notes=(*front_end.recording.notes, found.note))
+    frame_s = float(np.median(np.diff(front_end.t_s)))
+    if np.abs(found.at_s - front_end.t_s).max() < _NOTABLE * frame_s:
+        return replace(front_end, recording=recording, warnings=(*front_end.warnings, found.note)), changed
+    progress.stage("again with the pictures at the even times that the video shows")
+    retimed = replace(recording, video=RetimedVideo(recording.video, found.at_s, found.repeats))
     try:
         return run_front_end(retimed, changed, progress), changed
     except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
         return front_end, config
+
+
+def _of_converted(front_end: FrontEnd) -> _Found | None:
+    """Return the even times that repeats show, if they show any."""
+    t_s, repeats = front_end.t_s, np.zeros(len(front_end.t_s), bool)
+    repeats[front_end.repeated_frames] = True
+    if not repeats.any():
+        return None
+    at_s, even = even_times(t_s, repeats, _views(front_end) | repeats)
+    if not even.any():
+        return None
+    frame_s, picture_s = (float(np.median(np.diff(times_s))) for times_s in (t_s, at_s[even]))
+    late_s = _UNKNOWN * picture_s
+    off_s = float(np.abs(at_s - t_s).max())
+    return _Found(at_s, repeats, late_s, _CONVERTED.format(1.0 / picture_s, 1.0 / frame_s, off_s, late_s))
+
+
+def _of_stamped(front_end: FrontEnd) -> _Found | None:
+    """Return even times over which the path is clearly smoother than over the time stamps."""
+    t_s = front_end.t_s
+    if len(t_s) < _LEAST_FRAMES:
+        return None
+    at_s = line_times(t_s)
+    late_s = float(np.std(t_s - at_s))
+    if late_s < _NOTABLE * float(np.median(np.diff(t_s))):
+        return None
+    gain = sum(smoother_by((t_s[frames], at_s[frames]), place) for frames, place in _paths(front_end))
+    if gain < _CLEAR:
+        return None
+    return _Found(at_s, None, late_s, _STAMPED.format(float(np.abs(t_s - at_s).max()), late_s))
+
+
+def _paths(front_end: FrontEnd) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the frames (n,) of each map, and where the camera was (n, 3), NaN where no picture shows it."""
+    for one in front_end.maps:
+        frames = one.first_frame + np.arange(len(one.t_s))
+        posed = ~np.isin(frames, list(one.bridged))
+        yield frames, np.where(posed[:, None], one.poses[:, :3, 3], np.nan)
 
 
 def _views(front_end: FrontEnd) -> BoolArray:
