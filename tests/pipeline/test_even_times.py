@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from brief_videos import first_frames
 from fewer_features import fewer_features
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vgps
@@ -47,13 +47,13 @@ def test_pictures_of_a_converted_video_are_evenly_spaced_again(convert, pictures
     assert np.diff(found_s).min() > 0.2 / frames_hz
 
 
-@pytest.mark.parametrize("share", [0.01, 0.05, 0.2, 0.5, 0.8])
+@pytest.mark.parametrize("share", [0.01, 0.2, 0.6])
 def test_pictures_of_a_recorder_that_hangs_now_and_then_keep_their_times(share):
-    for seed in range(5):
-        repeats = np.random.default_rng(seed).random(900) < share
+    for seed in range(3):
+        repeats = np.random.default_rng(seed).random(300) < share
         repeats[0] = False
-        at_s = np.arange(900) / 30.0
-        found_s, even = even_times(at_s, repeats, np.ones(900, bool))
+        at_s = np.arange(300) / 30.0
+        found_s, even = even_times(at_s, repeats, np.ones(300, bool))
         np.testing.assert_array_equal(found_s, at_s)
         assert not even.any()
 
@@ -79,10 +79,11 @@ def test_where_the_rate_changes_another_stretch_begins():
     assert even[~repeats].all() and np.abs(late_s).max() < 0.5 / 30.0
 
 
+@settings(max_examples=40)
 @given(
-    st.lists(st.tuples(st.floats(0.2, 0.95), st.integers(2, 150)), min_size=1, max_size=4),
-    st.sets(st.integers(0, 600), max_size=4),
-    st.sets(st.integers(0, 600), max_size=4),
+    st.lists(st.tuples(st.floats(0.2, 0.95), st.integers(2, 80)), min_size=1, max_size=3),
+    st.sets(st.integers(0, 240), max_size=4),
+    st.sets(st.integers(0, 240), max_size=4),
 )
 def test_times_increase_and_move_by_a_frame_at_most(rates, hangs, unknown):
     """Whatever the rates, and whatever repeats or is unknown besides."""
@@ -107,7 +108,7 @@ def test_a_converted_video_gives_the_poses_of_its_pictures(drive, data_dir):
     """At 15 frames a second, each with the newest picture: 0.11 m and a NEES of 8 by its time stamps."""
     order = converted(drive.video.times_s, 1.5)
     shown, first = np.unique(order[0], return_index=True)
-    solution = vgps.smooth(shown_at(drive, order), fewer_features(300))
+    solution = vgps.smooth(shown_at(drive, order), fewer_features(100))
     true = read_trajectory(data_dir / "kitti07/truth.tum").world_T_camera[shown]
     error = solution.world_T_camera[first, :3, 3] - true[:, :3, 3]
     assert np.linalg.norm(error, axis=1).mean() < 0.06

@@ -36,7 +36,7 @@ def test_a_case_is_simulated_and_smoothed_without_what_the_user_lacks(
     data_dir, tmp_path, monkeypatch, capsys
 ):
     small = replace(SCENES["demo"], fps=10, speed=((0.0, 1.2), (4.0, 1.2)), width=320, height=240)
-    small = replace(small, texture_scale=0.25)
+    small = replace(small, focal_px=310.0, texture_scale=0.25)
     lacks = frozenset({"lever arm", "sigmas", "some fixes"})
     case = random_scenes.Case("demo", small, "survey_fix", 0.2, lacks, 0.4)
     monkeypatch.setattr(random_scenes, "draw", lambda _: case)

@@ -9,16 +9,19 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from vgps.camera import distort, undistort
+from vgps.geometry import interpolate_vectors
 from vgps.model import Camera
 from vgps.smoothing.calibration.focal_changes import (
     FocalEquations,
     changes_of,
     focal_equations,
     is_clear,
+    of_pictures_alone,
     without_change,
 )
 from vgps.smoothing.calibration.parameter_step import ParameterPrior
 from vgps.solver.bundle_adjustment import solve
+from vgps.solver.problem import BundleProblem
 
 FX, FY, CX, CY = synthetic_bundle.K
 CAMERA = Camera(model="pinhole", width=640, height=480, fx=FX, fy=FY, cx=CX, cy=CY)
@@ -26,18 +29,27 @@ PRIOR = ParameterPrior(np.array([0.01, 5.0, 5.0]), np.zeros(3))
 T_S = np.arange(40) / 5.0
 
 
-def equations_of(log_ratio: np.ndarray) -> FocalEquations:
-    """Those at the optimum of a drive whose pictures grow by these changes (F,)."""
-    problem, _ = synthetic_bundle.drive(disturbed=0.0)
-    centre = np.array([CX, CY])
+def solved(log_ratio: np.ndarray, late: float = 0.0) -> BundleProblem:
+    """The optimum of a drive whose pictures grow by changes (F,), with fixes late by turns, in frames."""
+    problem, poses = synthetic_bundle.drive(disturbed=0.0)
+    centre, graph = np.array([CX, CY]), synthetic_bundle.pose_factors(poses, np.random.default_rng(0))
+    antenna_m = poses[:, :3, 3] + poses[:, :3, :3] @ synthetic_bundle.ANTENNA
+    for frame in range(2, len(poses) - 3, 4):
+        at = np.array([frame + late * np.sin(frame)])
+        place_m = interpolate_vectors(np.arange(len(poses)), antenna_m, at)[0]
+        graph.add(synthetic_bundle.antenna_fix(frame, 0.0, place_m, 0.01))
     uv_px = centre + (problem.uv_px - centre) * np.exp(log_ratio[problem.frame])[:, None]
-    changed = replace(problem, uv_px=uv_px, sigma_px=np.full(len(uv_px), 0.5))
-    return focal_equations(solve(changed, synthetic_bundle.TIGHT).problem, CAMERA, PRIOR, T_S)
+    changed = replace(problem, uv_px=uv_px, sigma_px=np.full(len(uv_px), 0.5), pose_graph=graph)
+    return solve(changed, synthetic_bundle.TIGHT).problem
+
+
+def equations_of(problem: BundleProblem) -> FocalEquations:
+    return focal_equations(problem, CAMERA, PRIOR, T_S)
 
 
 def test_a_focal_length_that_changes_is_found():
     true = 0.01 * np.sin(T_S)
-    equations = equations_of(true)
+    equations = equations_of(solved(true))
     found, evidence = equations.likeliest()
     assert is_clear(evidence)
     at_knots = 0.01 * np.sin(equations.t_s)
@@ -45,9 +57,17 @@ def test_a_focal_length_that_changes_is_found():
 
 
 def test_one_that_stays_shows_no_change():
-    found, evidence = equations_of(np.zeros(len(T_S))).likeliest()
+    found, evidence = equations_of(solved(np.zeros(len(T_S)))).likeliest()
     assert not is_clear(evidence)
     assert np.abs(found).max() < 1e-3
+
+
+def test_pictures_alone_bear_out_a_change_and_contradict_what_late_fixes_ask_for():
+    zoomed, late = solved(0.01 * np.sin(T_S)), solved(np.zeros(len(T_S)), late=1.5)
+    for problem, sign in ((zoomed, 1.0), (late, -1.0)):
+        found, evidence = equations_of(problem).likeliest()
+        assert is_clear(evidence)
+        assert sign * equations_of(of_pictures_alone(problem)).gain(found) > 1.0
 
 
 def test_the_evidence_is_that_of_all_changes_weighed_by_their_prior():

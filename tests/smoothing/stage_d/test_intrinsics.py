@@ -21,6 +21,7 @@ from vgps.smoothing.scene.factor_graph import select_observations
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
 from vgps.smoothing.scene.scene import scene_of_map
+from vgps.smoothing.stage_d import intrinsics
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.intrinsics import _after_step, refine_camera
 
@@ -76,6 +77,17 @@ def test_a_tight_prior_holds_the_calibration():
     _, start, found = refined(TRUE, [0.03, 0.0, 0.0], focal_sigma=1e-6, centre_sigma_px=1e-3)
     assert found.camera.fx == pytest.approx(start.fx, rel=1e-4)
     assert found.sigma["focal"] <= 1e-6
+
+
+@pytest.mark.slow
+def test_a_lens_that_the_video_contradicts_is_not_asked_how_it_changed(monkeypatch):
+    """A prior that keeps it from the right one; parts of the video then fit with other focal lengths."""
+    asked, equations = [], intrinsics.focal_equations
+    monkeypatch.setattr(intrinsics, "focal_equations", lambda *a: asked.append(a) or equations(*a))
+    refined(TRUE, [0.1, 0.0, 0.0], focal_sigma=0.01)
+    assert not asked
+    refined(TRUE, [0.1, 0.0, 0.0], focal_sigma=0.1)
+    assert asked
 
 
 def test_observations_are_undistorted_by_the_new_lens():

@@ -3,12 +3,13 @@
 Their logarithm is a chain of knots: it walks at random, and is drawn back to the mean within seconds. How far
 it walks is what makes the observations likeliest, with poses, landmarks and calibration integrated out (the
 linearised problem is Gaussian). Without a walk the focal length stays: by how much less likely that is
-decides whether it changes at all.
+decides whether it changes at all. Fixes at wrong times ask for changes, too; those the pictures contradict.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import gtsam
 import numpy as np
 
 from vgps.camera import distort, undistort
@@ -38,6 +39,10 @@ class FocalEquations:
     def about(self, log_ratio: FloatArray) -> "FocalEquations":
         """Return equations of the whole change if these are of what is left after a part (K,) of it."""
         return FocalEquations(self.t_s, self.hessian, self.gradient - self.hessian @ log_ratio)
+
+    def gain(self, log_ratio: FloatArray) -> float:
+        """Return the log of how much likelier all observations are with a change (K,) than with none."""
+        return -float(0.5 * log_ratio @ self.hessian @ log_ratio + self.gradient @ log_ratio)
 
     def likeliest(self) -> tuple[FloatArray, float]:
         """Return the change (K,), and the log of how much likelier it is than none."""
@@ -101,6 +106,11 @@ def focal_equations(
         hessian[size:, size:] - hessian[size:, :size] @ calibrated[:, :-1],
         gradient[size:] - hessian[size:, :size] @ calibrated[:, -1],
     )
+
+
+def of_pictures_alone(problem: BundleProblem) -> BundleProblem:
+    """Return the problem without fixes and all else that is known of the poses beside the observations."""
+    return replace(problem, pose_graph=gtsam.NonlinearFactorGraph(), shared={}, states={})
 
 
 def changes_of(equations: FocalEquations, log_ratio: FloatArray, camera: Camera) -> FocalChanges:

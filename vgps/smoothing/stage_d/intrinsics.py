@@ -20,6 +20,7 @@ from vgps.smoothing.calibration.focal_changes import (
     changes_of,
     focal_equations,
     is_clear,
+    of_pictures_alone,
     without_change,
 )
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
@@ -135,7 +136,7 @@ def _focal_changes(
     """Return changes of the focal length, if a rough solution shows them clearly, by further ones.
 
     A lens that the video contradicts, and that its prior keeps from the right one, fits some parts of the
-    video better with other focal lengths.
+    video better with other focal lengths. Changes that the pictures alone contradict are none.
     """
     camera, scene, problem = replace(rough.refined.camera, readout_s=None), rough.scene, rough.problem
     if np.abs(moved_from(camera, prior.mean)[0]) > _CONTRADICTED_SIGMAS * prior.sigma[0]:
@@ -149,6 +150,12 @@ def _focal_changes(
             step = total - total.mean() - done
             if not is_clear(evidence) or np.abs(step).max() < _SETTLED_CHANGE:
                 break  # large changes may have left the rough solution astray
+            if found is None:
+                seen = focal_equations(
+                    of_pictures_alone(problem), camera, _believed(camera, prior), scene.t_s
+                )
+                if seen.gain(step) <= 0.0:
+                    break
             found = changes_of(equations, done + step, camera)
             at_frame, observations = np.interp(scene.t_s, equations.t_s, step), scene.observations
             uv_px = without_change(observations.uv_px, camera, at_frame[observations.frame])
