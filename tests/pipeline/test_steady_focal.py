@@ -105,8 +105,10 @@ def test_a_zoom_that_the_pictures_do_not_bear_out_is_dropped(recording, monkeypa
     assert last_of([worse], first, recording, monkeypatch) == (first, 1)
 
 
-def test_a_run_astray_ends_them(recording, monkeypatch):
-    first, better = fitted(0.5, CHANGES), fitted(0.4, CHANGES)
+def test_a_run_astray_on_the_way_is_passed_over(recording, monkeypatch):
+    first, better, last = fitted(0.5, CHANGES), fitted(0.4, CHANGES), fitted(0.3, None)
     fewer = replace(better.fixes, verdict=(Verdict.REJECTED,) * len(better.fixes.verdict))
-    found, count = last_of([better, replace(better, fixes=fewer)], first, recording, monkeypatch)
-    assert found is better and count == 2
+    astray = replace(better, fixes=fewer)
+    assert last_of([better, astray, last], first, recording, monkeypatch) == (last, 3)
+    ended = replace(astray, sensors=last.sensors)
+    assert last_of([better, ended], first, recording, monkeypatch) == (better, 2)

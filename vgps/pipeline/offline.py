@@ -108,20 +108,19 @@ def _with_one_focal_length(solution: Solution, run: _Run, progress: Progress) ->
 
     Maps made with a wrong focal length show only a part of its changes.
     """
-    first = solution
+    first = best = solution
     for _ in range(_MOST_STEADY_RUNS):
         recording = with_steady_focal(run.recording, solution)
         if recording is run.recording:
             break
         progress.stage("again with pictures scaled to one focal length, which changes")
         try:
-            again, run = _smoothed(_Run(recording, run.config), progress)
+            solution, run = _smoothed(_Run(recording, run.config), progress)
         except (GeometryError, np.linalg.LinAlgError):  # the run before had a path
             break
-        if refuses_more(again, solution):
-            break
-        solution = again
-    return first if solution is not first and fits_worse(solution, first) else solution
+        if not refuses_more(solution, best):
+            best = solution
+    return first if best is not first and fits_worse(best, first) else best
 
 
 def _smoothed(

@@ -17,7 +17,7 @@ def with_steady_focal(recording: Recording, solution: Solution) -> Recording:
 
 
 def refuses_more(solution: Solution, before: Solution) -> bool:
-    """Whether a run refuses more fixes than the one before, so that its path went astray."""
+    """Whether a run refuses more fixes than one before, so that its path is further astray."""
     used = [0 if one.fixes is None else int(one.fixes.used.sum()) for one in (solution, before)]
     return used[0] < used[1]
 

@@ -12,7 +12,7 @@ from vgps.camera import distort, undistort
 from vgps.config import BatchConfig, Config, IntrinsicsConfig, SensorsConfig
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
-from vgps.model import Camera
+from vgps.model import Camera, FocalChanges
 from vgps.smoothing.calibration.camera_equations import changed_camera
 from vgps.smoothing.calibration.parameter_step import ParameterStep
 from vgps.smoothing.calibration.refined_camera import prior_about
@@ -21,9 +21,8 @@ from vgps.smoothing.scene.factor_graph import select_observations
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
 from vgps.smoothing.scene.scene import scene_of_map
-from vgps.smoothing.stage_d import intrinsics
 from vgps.smoothing.stage_d.batch import optimise_batch
-from vgps.smoothing.stage_d.intrinsics import _after_step, refine_camera
+from vgps.smoothing.stage_d.intrinsics import _after_step, _is_another_lens, refine_camera
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
@@ -79,15 +78,18 @@ def test_a_tight_prior_holds_the_calibration():
     assert found.sigma["focal"] <= 1e-6
 
 
-@pytest.mark.slow
-def test_a_lens_that_the_video_contradicts_is_not_asked_how_it_changed(monkeypatch):
-    """A prior that keeps it from the right one; parts of the video then fit with other focal lengths."""
-    asked, equations = [], intrinsics.focal_equations
-    monkeypatch.setattr(intrinsics, "focal_equations", lambda *a: asked.append(a) or equations(*a))
-    refined(TRUE, [0.1, 0.0, 0.0], focal_sigma=0.01)
-    assert not asked
-    refined(TRUE, [0.1, 0.0, 0.0], focal_sigma=0.1)
-    assert asked
+def test_a_lens_that_is_at_no_time_the_believed_one_is_another():
+    """Zoomed by a tenth from the given focal length on, or shorter than it by a quarter throughout."""
+    prior = prior_about(TRUE, IntrinsicsConfig(focal_sigma=0.01))
+    zoom = FocalChanges((0.0, 1.0), (-0.05, 0.05), (320.0, 240.0))
+    zoomed, other = (replace(prior.mean, fx=TRUE.fx * ratio, fy=TRUE.fy * ratio) for ratio in (1.05, 0.75))
+    assert not _is_another_lens(zoomed, prior, zoom)
+    assert _is_another_lens(other, prior, zoom)
+    breathes = replace(zoom, log_ratio=(-0.001, 0.001))
+    assert _is_another_lens(zoomed, prior, breathes)
+    assert not _is_another_lens(replace(zoomed, focal_changes=zoom), prior, breathes)
+    assert prior.allowing(zoom).sigma[0] == pytest.approx(np.hypot(0.01, 0.05))
+    assert prior.allowing(None) is prior
 
 
 def test_observations_are_undistorted_by_the_new_lens():

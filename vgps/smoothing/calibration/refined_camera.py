@@ -70,6 +70,14 @@ class CameraPrior:
     mean: Camera
     sigma: FloatArray
 
+    def allowing(self, changes: FocalChanges | None) -> "CameraPrior":
+        """Return the prior where the focal length changes, and what is believed of it holds at some time."""
+        if changes is None:
+            return self
+        sigma = self.sigma.copy()
+        sigma[0] = np.hypot(sigma[0], np.std(changes.log_ratio))
+        return replace(self, sigma=sigma)
+
     def of_model(self, camera: Camera) -> Camera:
         """Return a camera with the lens model that is refined."""
         return replace(camera, model=self.mean.model, distortion=camera.distortion or _NO_DISTORTION)

@@ -112,7 +112,7 @@ def _estimated(
     every: int,
 ) -> _Rough:
     """Estimate the calibration by rough solutions."""
-    given = prior.of_model(camera)
+    given, prior = prior.of_model(camera), prior.allowing(camera.focal_changes)
     few = as_global_shutter(scene, given)
     few = few if every == 1 else thinned(few, every)
     camera = replace(given, readout_s=None)
@@ -135,34 +135,43 @@ def _focal_changes(
 ) -> FocalChanges | None:
     """Return changes of the focal length, if a rough solution shows them clearly, by further ones.
 
-    A lens that the video contradicts, and that its prior keeps from the right one, fits some parts of the
-    video better with other focal lengths. Changes that the pictures alone contradict are none.
+    Changes that the pictures alone contradict are none.
     """
     camera, scene, problem = replace(rough.refined.camera, readout_s=None), rough.scene, rough.problem
-    if np.abs(moved_from(camera, prior.mean)[0]) > _CONTRADICTED_SIGMAS * prior.sigma[0]:
-        return None
-    found = None
+    believed, found = _believed(camera, prior.allowing(camera.focal_changes)), None
     with suppress(GeometryError, NotPositiveDefiniteError):  # what was found before stays
         for _ in range(config.iterations):
-            equations = focal_equations(problem, camera, _believed(camera, prior), scene.t_s)
+            equations = focal_equations(problem, camera, believed, scene.t_s)
             done = np.zeros_like(equations.t_s) if found is None else np.array(found.log_ratio)
             total, evidence = equations.about(done).likeliest()
             step = total - total.mean() - done
             if not is_clear(evidence) or np.abs(step).max() < _SETTLED_CHANGE:
                 break  # large changes may have left the rough solution astray
+            changes = changes_of(equations, done + step, camera)
             if found is None:
-                seen = focal_equations(
-                    of_pictures_alone(problem), camera, _believed(camera, prior), scene.t_s
-                )
-                if seen.gain(step) <= 0.0:
+                seen = focal_equations(of_pictures_alone(problem), camera, believed, scene.t_s)
+                if seen.gain(step) <= 0.0 or _is_another_lens(camera, prior, changes):
                     break
-            found = changes_of(equations, done + step, camera)
+            found = changes
             at_frame, observations = np.interp(scene.t_s, equations.t_s, step), scene.observations
             uv_px = without_change(observations.uv_px, camera, at_frame[observations.frame])
             scene = replace(scene, observations=replace(observations, uv_px=uv_px))
             problem = optimise(scene, camera, every).problem
             scene = replace(scene, poses=problem.world_T_camera, points=problem.world_p_landmark)
     return found
+
+
+def _is_another_lens(camera: Camera, prior: CameraPrior, changes: FocalChanges) -> bool:
+    """Whether the focal length is at no time what is believed of it.
+
+    Then the prior keeps the lens from the right one, and it fits some parts of the video better with other
+    focal lengths.
+    """
+    known = camera.focal_changes
+    both = changes if known is None else known.followed_by(changes)
+    moved = moved_from(camera, prior.mean)[0] + np.array(both.log_ratio)
+    beyond = _CONTRADICTED_SIGMAS * prior.sigma[0]
+    return bool(moved.min() > beyond or moved.max() < -beyond)
 
 
 def _believed(camera: Camera, prior: CameraPrior) -> ParameterPrior:
