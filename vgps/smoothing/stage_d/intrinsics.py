@@ -37,6 +37,7 @@ from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
 
 _CONTRADICTED_SIGMAS = 3.0  # of the prior
+_INDIFFERENT = 1.0  # log of how much less likely pictures may be with a change that they do not contradict
 _SETTLED_CHANGE = 2e-4  # of log focal length, a tenth of a pixel in the corners of most pictures
 
 
@@ -150,7 +151,7 @@ def _focal_changes(
             changes = changes_of(equations, done + step, camera)
             if found is None:
                 seen = focal_equations(of_pictures_alone(problem), camera, believed, scene.t_s)
-                if seen.gain(step) <= 0.0 or _is_another_lens(camera, prior, changes):
+                if seen.gain(step) < -_INDIFFERENT or _is_another_lens(camera, prior, changes):
                     break
             found = changes
             at_frame, observations = np.interp(scene.t_s, equations.t_s, step), scene.observations
