@@ -16,7 +16,8 @@ from scripts.common.command import ScriptParser
 from scripts.common.lengths import Figures, measure_lengths
 from scripts.common.stopwatch import stopwatch
 from vgps.errors import RunFolderError
-from vgps.gps.fixes import Fixes, antenna_velocities
+from vgps.gps.antenna_path import antenna_velocities
+from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import detect_outliers
 from vgps.gps.sensors import Sensors
 from vgps.gps.time_offset import update_time_offset

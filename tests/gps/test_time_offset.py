@@ -8,7 +8,8 @@ from plain_values import plain
 from synthetic_fixes import T_S, fixes_at, path, trajectory
 
 from vgps.config import Config, GpsConfig, SensorsConfig, TimeOffsetConfig
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes
 from vgps.gps.knots import Knots
 from vgps.gps.neighbour_pairs import neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset

@@ -7,7 +7,7 @@ from synthetic_map import context, map_of, scene
 
 from scripts.benchmarks import long
 from vgps.config import Config
-from vgps.gps.fixes import antenna_at, place
+from vgps.gps.antenna_path import antenna_at, place
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.smoothing.scene.factor_graph import select_observations

@@ -7,7 +7,8 @@ from scipy.linalg import solveh_banded
 from scipy.optimize import brentq
 
 from vgps.config import TimeOffsetConfig
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes
 from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M

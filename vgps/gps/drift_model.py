@@ -11,8 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vgps.config import DriftConfig
+from vgps.gps.antenna_path import Placement, antenna_at, place
 from vgps.gps.drift_equations import DRIFT_DIM, DRIFTS, INTERVAL_DIM, POSITION, DriftEquations, KnotIntervals
-from vgps.gps.fixes import Fixes, Placement, antenna_at, place, seconds_after
+from vgps.gps.fixes import Fixes, seconds_after
 from vgps.model import BoolArray, FloatArray
 from vgps.solution import Trajectory
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vgps.gps.fixes import Placement
+from vgps.gps.antenna_path import Placement
 from vgps.model import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]

@@ -19,8 +19,10 @@ import numpy as np
 
 from vgps.config import Config, GpsConfig
 from vgps.config.gps import OffsetErrors
+from vgps.gps.antenna_path import place
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import CLASSES, Fixes, contributing_fixes, independent_epochs, place
+from vgps.gps.fix_factors import contributing_fixes
+from vgps.gps.fixes import CLASSES, Fixes, independent_epochs
 from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.neighbour_pairs import MEDIAN, NeighbourPairs
 from vgps.gps.offset_errors import walk_scale

@@ -9,7 +9,8 @@ from scipy.linalg import solveh_banded
 
 from vgps.config import TimeOffsetConfig
 from vgps.geometry.path_smoothing import smoothed
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes
 from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.knots import ComplexArray, Knots
 from vgps.gps.sensors import TimeOffset

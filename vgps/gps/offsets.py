@@ -13,15 +13,9 @@ import numpy as np
 
 from factors import Gaussian, gps_factor_calibrating, gps_factor_interpolated, offset_factor
 from vgps.config import GpsConfig
-from vgps.gps.fixes import (
-    Fixes,
-    antenna_offsets,
-    contributing_fixes,
-    gps_graph,
-    independent_epochs,
-    penalty,
-    place,
-)
+from vgps.gps.antenna_path import antenna_offsets, place
+from vgps.gps.fix_factors import contributing_fixes, gps_graph, penalty
+from vgps.gps.fixes import Fixes, independent_epochs
 from vgps.gps.offset_errors import averaged_over_receivers, errors_of, step_scale, student, walk_scale
 from vgps.gps.offset_regions import offset_bounds, with_mean_offset_regions, with_offset_regions
 from vgps.gps.offset_start import smoothed_offsets

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vgps.config import Config
+from vgps.gps.antenna_path import place
 from vgps.gps.drift_model import DriftModel
 from vgps.gps.fix_states import (
     LOWER,
@@ -24,7 +25,7 @@ from vgps.gps.fix_states import (
     drawn_anew,
     state_probabilities,
 )
-from vgps.gps.fixes import CLASSES, Fixes, place
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.regions import lower_class
 from vgps.gps.suspect_runs import Stretches, better_without, suspect_runs, trial_masks
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray

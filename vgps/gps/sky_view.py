@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from vgps.config import GpsConfig, QualityConfig, SkyConfig
-from vgps.gps.fixes import Fixes, antenna_at, place
+from vgps.gps.antenna_path import antenna_at, place
+from vgps.gps.fixes import Fixes
 from vgps.gps.regions import UNKNOWNS
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray

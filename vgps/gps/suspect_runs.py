@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.solution import Trajectory
 

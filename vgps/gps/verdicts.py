@@ -5,8 +5,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from vgps.config import Config
+from vgps.gps.antenna_path import antenna_offsets, place
 from vgps.gps.fix_conflict import FixConflict
-from vgps.gps.fixes import Fixes, antenna_offsets, place
+from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment
 from vgps.model import BoolArray, FixClass, FloatArray, GpsLog, IntArray
 from vgps.solution import FixTable, Trajectory, Verdict

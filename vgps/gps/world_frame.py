@@ -7,7 +7,8 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GpsLogError, RecordingError
 from vgps.geodesy import to_enu
-from vgps.gps.fixes import Fixes, fixes_in_world, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes, fixes_in_world
 from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.regions import region_sizes
 from vgps.model import FloatArray, GeodeticPoint, GpsLog, Recording

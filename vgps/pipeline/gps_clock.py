@@ -7,6 +7,7 @@ import numpy as np
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.geometry import interpolate_vectors
+from vgps.gps.antenna_path import antenna_offsets, place
 from vgps.gps.camera_roll import camera_turned_deg
 from vgps.gps.clock_rate import ShownClock, parts_agree, search_clock_rate
 from vgps.gps.clock_search import (
@@ -17,7 +18,7 @@ from vgps.gps.clock_search import (
     shows_no_time_offset,
     unexplained_share,
 )
-from vgps.gps.fixes import Fixes, antenna_offsets, place
+from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import estimate_time_offset, with_agreed_clock
 from vgps.model import FloatArray, Recording

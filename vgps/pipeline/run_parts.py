@@ -7,7 +7,7 @@ import numpy as np
 
 from vgps.camera import in_pinhole
 from vgps.geometry import world_sigmas
-from vgps.gps.fixes import antenna_at, place
+from vgps.gps.antenna_path import antenna_at, place
 from vgps.model import BoolArray, ControlPoints, FloatArray
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.smoothing.stage_d.joint_scene import JointScene

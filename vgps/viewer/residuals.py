@@ -8,7 +8,9 @@ from pydantic import ValidationError
 from vgps.camera import distort
 from vgps.config import GpsConfig
 from vgps.geometry import project
-from vgps.gps.fixes import CLASSES, Fixes, Placement, penalty, place
+from vgps.gps.antenna_path import Placement, place
+from vgps.gps.fix_factors import penalty
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.regions import ellipsoid_shapes, lower_class
 from vgps.model import FloatArray, GpsLog, IntArray
 from vgps.rolling_shutter import row_poses

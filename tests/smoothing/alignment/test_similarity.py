@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.config import StartConfig
-from vgps.gps.fixes import place
+from vgps.gps.antenna_path import place
 from vgps.mapping.map_update import Similarity
 from vgps.smoothing.alignment.alignment_sigmas import (
     AlignmentSigmas,

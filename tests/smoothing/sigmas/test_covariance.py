@@ -14,7 +14,7 @@ from synthetic_states import offset_fix, walk
 
 from vgps.config import DriftConfig, GpsConfig
 from vgps.errors import GeometryError
-from vgps.gps.fixes import gps_graph
+from vgps.gps.fix_factors import gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.smoothing.sigmas.covariance import ErrorSources, drawn_covariances
 from vgps.solver.bundle_adjustment import SolverSettings, solve

@@ -8,7 +8,7 @@ from synthetic_bundle import ANTENNA
 from synthetic_map import context, map_of, scene
 
 from vgps.config import Config
-from vgps.gps.fixes import gps_graph
+from vgps.gps.fix_factors import gps_graph
 from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.smoothing.scene.factor_graph import build_problem, joined, other_pose_factors

@@ -5,8 +5,9 @@ import pytest
 from synthetic_fixes import fixes_of_size
 
 from vgps.config import Config
+from vgps.gps.antenna_path import antenna_offsets
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, antenna_offsets, independent_epochs
+from vgps.gps.fixes import Fixes, independent_epochs
 from vgps.smoothing.stage_d.variance_components import balanced_sigma_scale, variance_factor
 from vgps.solution import Trajectory
 

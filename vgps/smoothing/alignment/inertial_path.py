@@ -14,7 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from vgps.config import Config
 from vgps.geometry import interpolate_vectors
-from vgps.gps.fixes import Fixes, antenna_offsets, gps_graph, place
+from vgps.gps.antenna_path import antenna_offsets, place
+from vgps.gps.fix_factors import gps_graph
+from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.imu.camera_imu import CameraImu
 from vgps.imu.factors import imu_graph

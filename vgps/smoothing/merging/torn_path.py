@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from vgps.config import Config, MotionConfig
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes
 from vgps.gps.outlier_detection import FixAssessment, detect_outliers
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate

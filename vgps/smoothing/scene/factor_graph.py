@@ -7,7 +7,8 @@ import numpy as np
 
 from factors import projection_sigma_px, reliability_sigma_px
 from vgps.config import Config
-from vgps.gps.fixes import Fixes, gps_graph
+from vgps.gps.fix_factors import gps_graph
+from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.imu.states import ImuStates
 from vgps.model import BoolArray, FloatArray

@@ -7,7 +7,8 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vgps.config import Config
-from vgps.gps.fixes import Fixes, antenna_offsets, place
+from vgps.gps.antenna_path import antenna_offsets, place
+from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.mapping.local_map import LocalMap
 from vgps.mapping.map_update import MapUpdate, Positions

@@ -11,7 +11,9 @@ from gtsam.symbol_shorthand import L, X
 from factors import gps_factor_interpolated
 from vgps.config import BatchConfig, GpsConfig
 from vgps.geometry import largest_angle_rad, world_rays
-from vgps.gps.fixes import Fixes, contributing_fixes, penalty, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fix_factors import contributing_fixes, penalty
+from vgps.gps.fixes import Fixes
 from vgps.lens_jacobian import lens_jacobian
 from vgps.model import FloatArray, IntArray
 from vgps.smoothing.context import SmoothingContext

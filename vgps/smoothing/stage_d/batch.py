@@ -7,8 +7,9 @@ import numpy as np
 
 from vgps.config import BatchConfig, Config
 from vgps.errors import GeometryError
+from vgps.gps.antenna_path import antenna_offsets, antenna_velocities, place
 from vgps.gps.fix_conflict import with_conflict_verdicts
-from vgps.gps.fixes import Fixes, antenna_offsets, antenna_velocities, place
+from vgps.gps.fixes import Fixes
 from vgps.gps.learned_errors import LearnedErrors, largest_errors, learn_errors
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detects_outliers
 from vgps.gps.sensors import Sensors

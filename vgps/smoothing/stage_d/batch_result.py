@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vgps.errors import GeometryError
+from vgps.gps.antenna_path import antenna_offsets
 from vgps.gps.fix_conflict import FixConflict
-from vgps.gps.fixes import antenna_offsets
 from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
 from vgps.gps.outlier_detection import FixAssessment

@@ -15,9 +15,10 @@ import numpy as np
 from scipy.special import logit
 
 from vgps.errors import GeometryError
+from vgps.gps.antenna_path import place
 from vgps.gps.error_steps import error_steps
 from vgps.gps.fix_conflict import FixConflict, sides
-from vgps.gps.fixes import CLASSES, Fixes, place
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.outlier_detection import FixAssessment, detects_outliers
 from vgps.gps.verdicts import SURE
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray

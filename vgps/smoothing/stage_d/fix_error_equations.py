@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from vgps.gps.antenna_path import antenna_velocities, place
 from vgps.gps.error_steps import FixErrorEquations
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, antenna_velocities, gps_graph, place
+from vgps.gps.fix_factors import gps_graph
+from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray, IntArray
 from vgps.runtime.threads import one_blas_thread

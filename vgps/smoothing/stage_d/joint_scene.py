@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vgps.camera import in_pinhole
-from vgps.gps.fixes import Fixes, place
+from vgps.gps.antenna_path import place
+from vgps.gps.fixes import Fixes
 from vgps.mapping.control_observations import ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
 from vgps.model import Camera, FloatArray, IntArray

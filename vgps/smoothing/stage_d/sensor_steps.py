@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vgps.gps.fixes import antenna_velocities
+from vgps.gps.antenna_path import antenna_velocities
 from vgps.gps.sensors import Sensors
 from vgps.model import FloatArray
 from vgps.runtime.threads import one_blas_thread

@@ -9,8 +9,10 @@ with a prior, since a log contains few independent errors.
 import numpy as np
 
 from vgps.config import BatchConfig, Config
+from vgps.gps.antenna_path import antenna_offsets
 from vgps.gps.fix_errors import region_sigmas
-from vgps.gps.fixes import Fixes, antenna_offsets, contributing_fixes, independent_epochs
+from vgps.gps.fix_factors import contributing_fixes
+from vgps.gps.fixes import Fixes, independent_epochs
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
