@@ -13,7 +13,7 @@ import vgps
 from scripts.experiments.changed_videos import closest, converted, nearest, shown_at
 from vgps.config import Config
 from vgps.errors import GeometryError
-from vgps.pipeline.even_times import even_times, with_even_times
+from vgps.pipeline.even_times import picture_times, with_even_times
 from vgps.pipeline.front_end import run_front_end
 from vgps.readers.trajectory import read_trajectory
 from vgps.readers.video.retimed_video import RetimedVideo
@@ -37,7 +37,7 @@ def test_pictures_of_a_converted_video_are_evenly_spaced_again(convert, pictures
     picture_s = np.arange(200) / pictures_hz
     shown, at_s = convert(picture_s, frames_hz / pictures_hz)
     repeats = repeats_of(shown)
-    found_s, even = even_times(at_s, repeats, np.ones(len(at_s), bool))
+    found_s, even = picture_times(at_s, repeats, np.ones(len(at_s), bool))
     first = np.flatnonzero(~repeats)
     late_s = found_s[first] - picture_s[shown[first]]
     assert even[first].all() and not even[repeats].any()
@@ -53,7 +53,7 @@ def test_pictures_of_a_recorder_that_hangs_now_and_then_keep_their_times(share):
         repeats = np.random.default_rng(seed).random(300) < share
         repeats[0] = False
         at_s = np.arange(300) / 30.0
-        found_s, even = even_times(at_s, repeats, np.ones(300, bool))
+        found_s, even = picture_times(at_s, repeats, np.ones(300, bool))
         np.testing.assert_array_equal(found_s, at_s)
         assert not even.any()
 
@@ -63,7 +63,7 @@ def test_where_a_camera_stands_times_stay():
     shown, at_s = converted(np.arange(300) / 25.0, 1.2)
     repeats = repeats_of(shown)
     known = (at_s < 4.0) | (at_s > 8.0)
-    found_s, even = even_times(at_s, repeats & known, known)
+    found_s, even = picture_times(at_s, repeats & known, known)
     np.testing.assert_array_equal(found_s[~known], at_s[~known])
     assert even[~repeats & known].all()
     for part in (at_s < 4.0, at_s > 8.0):
@@ -74,7 +74,7 @@ def test_where_the_rate_changes_another_stretch_begins():
     picture_s = np.concatenate([np.arange(110) / 25.0, 4.4 + np.arange(100) / 20.0])
     shown, at_s = converted(picture_s, 1.2)
     repeats = repeats_of(shown)
-    found_s, even = even_times(at_s, repeats, np.ones(len(at_s), bool))
+    found_s, even = picture_times(at_s, repeats, np.ones(len(at_s), bool))
     late_s = (found_s - picture_s[shown])[~repeats]
     assert even[~repeats].all() and np.abs(late_s).max() < 0.5 / 30.0
 
@@ -91,7 +91,7 @@ def test_times_increase_and_move_by_a_frame_at_most(rates, hangs, unknown):
     numbers = np.arange(len(repeats))
     repeats = (repeats | np.isin(numbers, list(hangs))) & (numbers > 0)
     at_s, known = 0.04 * numbers, ~np.isin(numbers, list(unknown)) | repeats
-    found_s, even = even_times(at_s, repeats, known)
+    found_s, even = picture_times(at_s, repeats, known)
     assert np.diff(found_s, append=np.inf).min() > 0.0
     assert np.abs(found_s - at_s).max() <= 0.04 * (1.0 + 1e-9)
     np.testing.assert_array_equal(found_s[~even & ~repeats], at_s[~even & ~repeats])

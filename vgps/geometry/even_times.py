@@ -1,12 +1,14 @@
-"""Even times beside time stamps that a computer gave as things came, some later than others.
+"""Even times in place of time stamps that a computer gave to measurements as they came, some of them late.
 
-Sensors measure at even times. Over the right times of two a moving thing has the smoother path.
+Sensors measure at even times. Of two sets of times, a path is smoother over the right one.
 """
 
 import numpy as np
 
 from vgps.model import FloatArray
 
+CLEAR = float(np.log(100.0))
+"""Log of how much likelier a path has to be over other times than its time stamps, for these to be right."""
 _SIGMAS = 4.0  # of the interval that stamps show, within which a whole one is the true one
 _STILL_M_S3 = 1e-6  # added to all jerks, which may be zero
 
@@ -14,8 +16,8 @@ _STILL_M_S3 = 1e-6  # added to all jerks, which may be zero
 def even_times(t_s: FloatArray, whole_s: float = 0.0) -> FloatArray:
     """Return the times (n,) on a line through time stamps.
 
-    Some may be missing where a step is of several intervals, or none, and what came late came at once: the
-    line is the closer one of these two.
+    Either some are missing, where a step is of several intervals, or none is, and a step is long because
+    something came late. The line is that of the two which is closer to the stamps.
 
     Args:
         t_s: (n,) time stamps, strictly increasing, two or more.
@@ -48,7 +50,7 @@ def smoother_by(times_s: tuple[FloatArray, FloatArray], place_m: FloatArray) -> 
         place_m: (n, 2) or (n, 3) places, NaN where unknown.
     """
     before, after = (_jerks(t_s, place_m) for t_s in times_s)
-    # several axes, but every second jerk is new
+    # A jerk has two or three axes, but shares most of its places with its neighbours: it counts once.
     return float(np.nansum(np.log(before / after)))
 
 

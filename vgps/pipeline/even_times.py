@@ -8,7 +8,6 @@ is smoother over the even times.
 """
 
 from bisect import bisect
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +16,8 @@ from scipy.stats import entropy
 
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
-from vgps.geometry.even_times import even_times as line_times
-from vgps.geometry.even_times import smoother_by
+from vgps.geometry.even_times import CLEAR, even_times, smoother_by
+from vgps.mapping.local_map import LocalMap
 from vgps.model import BoolArray, FloatArray, IntArray
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.readers.video.retimed_video import RetimedVideo
@@ -33,7 +32,6 @@ _CLOSE = 0.5  # frames between pictures where even times end
 # intervals earlier (as soon as it is nearer than the picture before).
 _UNKNOWN = 0.25
 _LEAST_FRAMES = 8
-_CLEAR = float(np.log(100.0))  # of the ratio of the likelihoods of a path over two times
 _CONVERTED = (
     "the video was converted: it shows about {0:.4g} pictures a second in {1:.4g} frames. Their times were "
     "taken to be even, up to {2:.3f} s from their time stamps; how late all of them are is known to {3:.3f} s"
@@ -96,7 +94,7 @@ def _of_converted(front_end: FrontEnd) -> _Found | None:
     repeats[front_end.repeated_frames] = True
     if not repeats.any():
         return None
-    at_s, even = even_times(t_s, repeats, _views(front_end) | repeats)
+    at_s, even = picture_times(t_s, repeats, _views(front_end) | repeats)
     if not even.any():
         return None
     frame_s, picture_s = (float(np.median(np.diff(times_s))) for times_s in (t_s, at_s[even]))
@@ -110,34 +108,36 @@ def _of_stamped(front_end: FrontEnd) -> _Found | None:
     t_s = front_end.t_s
     if len(t_s) < _LEAST_FRAMES:
         return None
-    at_s = line_times(t_s)
+    at_s = even_times(t_s)
     late_s = float(np.std(t_s - at_s))
     if late_s < _NOTABLE * float(np.median(np.diff(t_s))):
         return None
-    gain = sum(smoother_by((t_s[frames], at_s[frames]), place) for frames, place in _paths(front_end))
-    if gain < _CLEAR:
+    gain = 0.0
+    for one in front_end.maps:
+        frames, shown = _shown(one)
+        place = np.where(shown[:, None], one.poses[:, :3, 3], np.nan)
+        gain += smoother_by((t_s[frames], at_s[frames]), place)
+    if gain < CLEAR:
         return None
     return _Found(at_s, None, late_s, _STAMPED.format(float(np.abs(t_s - at_s).max()), late_s))
-
-
-def _paths(front_end: FrontEnd) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the frames (n,) of each map, and where the camera was (n, 3), NaN where no picture shows it."""
-    for one in front_end.maps:
-        frames = one.first_frame + np.arange(len(one.t_s))
-        posed = ~np.isin(frames, list(one.bridged))
-        yield frames, np.where(posed[:, None], one.poses[:, :3, 3], np.nan)
 
 
 def _views(front_end: FrontEnd) -> BoolArray:
     """Return which frames moved and were tracked (F,): each of them shows a picture of its own."""
     views = np.zeros(len(front_end.t_s), bool)
     for one in front_end.maps:
-        frames = one.first_frame + np.arange(len(one.t_s))
-        views[frames] = one.moving & ~np.isin(frames, list(one.bridged))
+        frames, shown = _shown(one)
+        views[frames] = one.moving & shown
     return views
 
 
-def even_times(t_s: FloatArray, repeats: BoolArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
+def _shown(one: LocalMap) -> tuple[IntArray, BoolArray]:
+    """Return the frames of a map (n,), and which of them were posed by their picture."""
+    frames = one.first_frame + np.arange(len(one.t_s))
+    return frames, ~np.isin(frames, list(one.bridged))
+
+
+def picture_times(t_s: FloatArray, repeats: BoolArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
     """Return times (F,) of frames, strictly increasing, and which (F,) first show pictures at even ones.
 
     They are even in stretches in which a line is within half a frame of their time stamps, and that is no

@@ -17,6 +17,7 @@ from vgps.smoothing.calibration.focal_changes import (
     focal_equations,
     is_clear,
     of_pictures_alone,
+    pictures_contradict,
     without_change,
 )
 from vgps.smoothing.calibration.parameter_step import ParameterPrior
@@ -68,6 +69,7 @@ def test_pictures_alone_bear_out_a_change_and_contradict_what_late_fixes_ask_for
         found, evidence = equations_of(problem).likeliest()
         assert is_clear(evidence)
         assert sign * equations_of(of_pictures_alone(problem)).gain(found) > 1.0
+        assert pictures_contradict(found, problem, CAMERA, PRIOR, T_S) == (problem is late)
 
 
 def test_the_evidence_is_that_of_all_changes_weighed_by_their_prior():

@@ -14,6 +14,7 @@ from vgps.gps.sensors import Sensors
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import Camera, FocalChanges
 from vgps.smoothing.calibration.camera_equations import changed_camera
+from vgps.smoothing.calibration.focal_changes import without_change
 from vgps.smoothing.calibration.parameter_step import ParameterStep
 from vgps.smoothing.calibration.refined_camera import prior_about
 from vgps.smoothing.context import SmoothingContext
@@ -21,6 +22,7 @@ from vgps.smoothing.scene.factor_graph import select_observations
 from vgps.smoothing.scene.global_shutter import as_global_shutter
 from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
 from vgps.smoothing.scene.scene import scene_of_map
+from vgps.smoothing.stage_d import intrinsics
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.intrinsics import _after_step, _is_another_lens, refine_camera
 
@@ -32,10 +34,14 @@ TRUE = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2],
 LENS = replace(TRUE, model="opencv", distortion=(-0.2, 0.05, 0.0, 0.0))
 
 
-def refined(camera, wrong, **believed):
-    """Stage D with a calibration that is wrong by ``wrong``, and where it ends."""
+def refined(camera, wrong, zoom=0.0, **believed):
+    """Stage D with a calibration that is wrong by ``wrong``, and a zoom to and fro; where it ends."""
     problem, poses, _, fixes = scene(disturbed=0.1)
     made, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    if zoom:
+        at_frame, seen = -zoom * np.sin(made.t_s), made.observations
+        uv_px = without_change(seen.uv_px, TRUE, at_frame[seen.frame])
+        made = replace(made, observations=replace(seen, uv_px=uv_px))
     start = changed_camera(camera, np.array(wrong))
 
     def optimise(scene, camera, every=None, sigma=None):
@@ -76,6 +82,18 @@ def test_a_tight_prior_holds_the_calibration():
     _, start, found = refined(TRUE, [0.03, 0.0, 0.0], focal_sigma=1e-6, centre_sigma_px=1e-3)
     assert found.camera.fx == pytest.approx(start.fx, rel=1e-4)
     assert found.sigma["focal"] <= 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("doubt", [None, "pictures_contradict", "_is_another_lens"])
+def test_a_zoom_is_found_unless_the_pictures_or_the_lens_contradict_it(doubt, monkeypatch):
+    if doubt is not None:
+        monkeypatch.setattr(intrinsics, doubt, lambda *_: True)
+    _, _, found = refined(TRUE, [0.0, 0.0, 0.0], zoom=0.05)
+    assert (found.changes is None) == (doubt is not None)
+    if found.changes is not None:
+        knots_s = np.array(found.changes.t_s)
+        assert np.corrcoef(found.changes.log_ratio, np.sin(knots_s))[0, 1] > 0.9
 
 
 def test_a_lens_that_is_at_no_time_the_believed_one_is_another():

@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vgps.geometry.even_times import even_times, smoother_by
+from vgps.geometry.even_times import CLEAR, even_times, smoother_by
 from vgps.model import FloatArray
 
 _SMALL_M = 0.01  # that fixes move in the time by which stamps are off: no receiver is better than that
 _MOST = 0.25  # of the interval between fixes, by which they may be off
 _LEAST_FIXES = 8
 _WHOLE_S = 0.01  # receivers measure at multiples of it
-_CLEAR = float(np.log(100.0))  # of the ratio of the likelihoods
 _FOUND = (
     "the time stamps of the fixes are up to {0:.3f} s off even times, over which the positions move more "
     "smoothly: fixes have the even times"
@@ -49,6 +48,6 @@ def fix_times(t_s: FloatArray, place_m: FloatArray) -> FixTimes:
     if off_s * speed_m_s < _SMALL_M or off_s > _MOST * float(np.median(np.diff(even_s))):
         return FixTimes(t_s)
     gain = smoother_by((t_s, even_s), place_m)
-    if gain > _CLEAR:
+    if gain > CLEAR:
         return FixTimes(even_s, notes=(_FOUND.format(np.abs(t_s - even_s).max()),))
-    return FixTimes(t_s) if gain < -_CLEAR else FixTimes(t_s, off_s, (_UNSURE.format(off_s),))
+    return FixTimes(t_s) if gain < -CLEAR else FixTimes(t_s, off_s, (_UNSURE.format(off_s),))

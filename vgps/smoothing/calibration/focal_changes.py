@@ -26,6 +26,7 @@ _MOST_KNOTS = 200  # each is a column beside all poses
 _WALKS = np.geomspace(5e-4, 0.2, 14)  # of log focal length in a second: from what no video shows to a zoom
 _DRAWN_BACK = 3.0  # standard deviation of log focal length over its walk in a second
 _CLEAR = np.log(100.0)  # by so much likelier, and the focal length changes
+_NOTABLE = 0.5 * np.log(10.0)  # a smaller difference is not worth more than a bare mention (Jeffreys)
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,21 @@ def focal_equations(
 def of_pictures_alone(problem: BundleProblem) -> BundleProblem:
     """Return the problem without fixes and all else that is known of the poses beside the observations."""
     return replace(problem, pose_graph=gtsam.NonlinearFactorGraph(), shared={}, states={})
+
+
+def pictures_contradict(
+    log_ratio: FloatArray, problem: BundleProblem, camera: Camera, prior: ParameterPrior, t_s: FloatArray
+) -> bool:
+    """Whether the pictures alone are notably less likely with a change (K,) than with none.
+
+    Args:
+        log_ratio: At the knots of :func:`focal_equations`.
+        problem, camera, prior, t_s: As there.
+
+    Raises:
+        NotPositiveDefiniteError: The pictures do not determine the poses.
+    """
+    return bool(focal_equations(of_pictures_alone(problem), camera, prior, t_s).gain(log_ratio) < -_NOTABLE)
 
 
 def changes_of(equations: FocalEquations, log_ratio: FloatArray, camera: Camera) -> FocalChanges:

@@ -20,7 +20,7 @@ from vgps.smoothing.calibration.focal_changes import (
     changes_of,
     focal_equations,
     is_clear,
-    of_pictures_alone,
+    pictures_contradict,
     without_change,
 )
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
@@ -37,7 +37,6 @@ from vgps.solver.matrices.band_matrix import NotPositiveDefiniteError
 from vgps.solver.problem import BundleProblem
 
 _CONTRADICTED_SIGMAS = 3.0  # of the prior
-_INDIFFERENT = 1.0  # log of how much less likely pictures may be with a change that they do not contradict
 _SETTLED_CHANGE = 2e-4  # of log focal length, a tenth of a pixel in the corners of most pictures
 
 
@@ -149,10 +148,11 @@ def _focal_changes(
             if not is_clear(evidence) or np.abs(step).max() < _SETTLED_CHANGE:
                 break  # large changes may have left the rough solution astray
             changes = changes_of(equations, done + step, camera)
-            if found is None:
-                seen = focal_equations(of_pictures_alone(problem), camera, believed, scene.t_s)
-                if seen.gain(step) < -_INDIFFERENT or _is_another_lens(camera, prior, changes):
-                    break
+            if found is None and (
+                _is_another_lens(camera, prior, changes)
+                or pictures_contradict(step, problem, camera, believed, scene.t_s)
+            ):
+                break
             found = changes
             at_frame, observations = np.interp(scene.t_s, equations.t_s, step), scene.observations
             uv_px = without_change(observations.uv_px, camera, at_frame[observations.frame])
