@@ -4,6 +4,8 @@ import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from brief_videos import first_frames
 from fewer_features import fewer_features
 from gopro_runs import check_length
 from solutions import exact_run
+from synthetic_bundle import K
+from synthetic_map import map_of, scene
 from textured_room import path, room_gps_log, room_recording
 
 import vgps
@@ -18,13 +22,21 @@ from vgps.camera_calibration.lens import angles, parameters_of
 from vgps.config import CameraCalibrationConfig
 from vgps.errors import GeometryError
 from vgps.evaluation import evaluate
-from vgps.model import CameraGuess
-from vgps.pipeline import offline
-from vgps.pipeline.camera_refinement import moved_far, with_found_camera, with_held_guess
+from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
+from vgps.model import Camera, CameraGuess
+from vgps.pipeline import camera_refinement, offline
+from vgps.pipeline.camera_refinement import (
+    moved_far,
+    optimise_camera,
+    with_found_camera,
+    with_held_guess,
+)
 from vgps.readers.calibration.camera_file import read_camera
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import NoProgress
 from vgps.runtime.timing import sequential_seconds
+from vgps.smoothing.scene.other_calibration import misfit_px, undistorted_by
+from vgps.smoothing.scene.scene import Scene, scene_of_map
 from vgps.writers.run_folder import write_run
 
 FEWER = fewer_features(200, camera_calibration={"max_pairs": 12})
@@ -50,6 +62,24 @@ def test_a_camera_moves_far_if_its_rays_do(recording):
     longer = replace(camera, fx=1.02 * camera.fx, fy=1.02 * camera.fy)
     assert moved_far(longer, camera, 0.015) and not moved_far(longer, camera, 0.025)
     assert moved_far(camera, longer, 0.015) and not moved_far(camera, longer, 0.025)
+
+
+def test_what_starts_at_a_solution_starts_with_its_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the given camera, whose centre is off, the same poses misfit by pixels, which looks like noise."""
+    problem, poses, _, fixes = scene(disturbed=0.0)
+    found = Camera(model="pinhole", width=640, height=480, fx=K[0], fy=K[1], cx=K[2], cy=K[3])
+    given = replace(found, cx=found.cx + 3.0, cy=found.cy - 4.0)
+    solved, _ = scene_of_map(map_of(problem, 0, len(poses) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    front_end: Any = SimpleNamespace(recording=SimpleNamespace(camera=given, guesses=()), others=())
+    merged: Any = SimpleNamespace(scene=undistorted_by(given, found, solved))
+    starts: list[tuple[Scene, Camera]] = []
+    monkeypatch.setattr(camera_refinement, "_optimiser", lambda *_: None)
+    monkeypatch.setattr(camera_refinement, "refine_camera", lambda *start: starts.append(start[:2]))
+    for solved_with in (None, found):
+        optimise_camera(front_end, merged, fixes, vgps.Config(), solved_with=solved_with)
+    misfits = [misfit_px(*start) for start in starts]
+    assert misfits[0] > 4.0
+    assert misfits[1] == pytest.approx(misfit_px(solved, found)) and misfits[1] < 1.0
 
 
 @pytest.fixture(scope="module")

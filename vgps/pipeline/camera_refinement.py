@@ -16,6 +16,7 @@ from vgps.runtime.progress import Progress
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, prior_about
 from vgps.smoothing.merging.merge_maps import MergedMaps
 from vgps.smoothing.scene.few_frames import MIN_VIEWS, for_few_frames, frame_step, held_frames, viewing_frames
+from vgps.smoothing.scene.other_calibration import undistorted_by
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch import optimise_batch
 from vgps.smoothing.stage_d.batch_result import BatchResult
@@ -60,10 +61,12 @@ def optimise_camera(
     fixes: Fixes,
     config: Config,
     estimates_readout: bool = False,
+    solved_with: Camera | None = None,
 ) -> tuple[BatchResult, RefinedCamera | None]:
     """Optimise everything, including the calibration if it was guessed or the settings ask for it.
 
-    A readout that is estimated starts at that of the camera.
+    A readout that is estimated starts at that of the camera. ``solved_with`` is the refined calibration of an
+    earlier solution at which the scene starts: the same poses with the recording's camera hardly fit it.
     """
     optimise = _optimiser(front_end, merged, fixes, config, estimates_readout)
     camera, guesses = front_end.recording.camera, front_end.recording.guesses
@@ -72,7 +75,11 @@ def optimise_camera(
         return optimise(merged.scene, camera), None
     every = frame_step(merged.scene, config)
     prior = _prior(guesses[0]) if guesses else prior_about(camera, config.intrinsics)
-    return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
+    if solved_with is None:
+        return refine_camera(merged.scene, camera, prior, optimise, config.intrinsics, every)
+    start = replace(solved_with, readout_s=camera.readout_s)
+    scene = undistorted_by(start, camera, merged.scene)
+    return refine_camera(scene, start, prior, optimise, config.intrinsics, every)
 
 
 def with_seen_camera(front_end: FrontEnd, config: Config) -> Recording:

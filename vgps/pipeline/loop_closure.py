@@ -55,7 +55,7 @@ def optimise_loops(
     scene = with_loops(replace(merged.scene, poses=poses, points=points), loops, camera)
     tied = replace(merged, scene=scene, assessment=batch.assessment)
     try:
-        again = optimise_readout(front_end, tied, fixes, config)
+        again = optimise_readout(front_end, tied, fixes, config, refined.camera if refined else None)
     except GeometryError:  # the loops contradict the rest so much that no step lowers the cost
         return first, none
     return again, kept_loops(loops, again[0])

@@ -18,8 +18,12 @@ Optimised = tuple[BatchResult, RefinedCamera | None, Readout | None]
 """Result of stage D, the refined camera, and the estimate of the readout, if there is one."""
 
 
-def optimise_readout(front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config) -> Optimised:
+def optimise_readout(
+    front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, config: Config, solved_with: Camera | None = None
+) -> Optimised:
     """Optimise everything; once more with a readout if it is not known and the video shows one.
+
+    ``solved_with`` is the refined camera of the solution at which the scene starts, if it does.
 
     Raises:
         GeometryError: No step lowers the cost.
@@ -27,7 +31,7 @@ def optimise_readout(front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, conf
     given, setting = front_end.recording.camera, config.rolling_shutter
     wanted = setting.estimate == "yes" or (setting.estimate == "auto" and given.readout_s is None)
     starts_from_one = wanted and bool(given.readout_s)
-    batch, refined = optimise_camera(front_end, merged, fixes, config, starts_from_one)
+    batch, refined = optimise_camera(front_end, merged, fixes, config, starts_from_one, solved_with)
     if not wanted or front_end.others or len(batch.trajectory) < 2:
         return batch, refined, None
     always = setting.estimate == "yes"
@@ -38,7 +42,7 @@ def optimise_readout(front_end: FrontEnd, merged: MergedMaps, fixes: Fixes, conf
     started = replace(front_end, recording=replace(front_end.recording, camera=rolling))
     scene = replace(merged.scene, poses=batch.trajectory.world_T_camera, points=batch.points)
     again, camera = optimise_camera(
-        started, replace(merged, scene=scene), fixes, config, estimates_readout=True
+        started, replace(merged, scene=scene), fixes, config, True, refined.camera if refined else None
     )
     final = _estimate(again, camera.camera if camera else rolling, config)
     if final is None or not (always or final.is_shown(setting.min_sigmas)):
