@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linprog
-from scipy.stats import entropy
+from scipy.special import entr
 
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
@@ -178,7 +178,7 @@ def _chance(frames: int, repeats: int) -> float:
     Sturmian words, 1991), and each has the chance of its number of repeats.
     """
     share = repeats / frames
-    return frames**3 / np.pi**2 * float(np.exp(-frames * entropy([share, 1.0 - share])))
+    return frames**3 / np.pi**2 * float(np.exp(-frames * (entr(share) + entr(1.0 - share))))
 
 
 def _evenly_spaced(t_s: FloatArray, frame_s: float) -> int:

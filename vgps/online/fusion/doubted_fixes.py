@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit
-from scipy.stats import multivariate_normal
 
 from vgps.config import Config, OutlierConfig
 from vgps.gps.fix_conflict import WRONG_LASTS_S
@@ -102,7 +101,9 @@ def wrong_probability(
         return 0.0
 
     def log_density(size_m: FloatArray) -> float:
-        return float(multivariate_normal.logpdf(moved_m, cov=known_m2 + np.diag(size_m**2)))
+        covariance_m2 = known_m2 + np.diag(size_m**2)
+        squared = moved_m @ np.linalg.solve(covariance_m2, moved_m)
+        return -0.5 * float(squared + np.linalg.slogdet(2.0 * np.pi * covariance_m2)[1])
 
     lower, outlier = 0.0, config.outlier_share
     # a Gaussian as dense in the middle, since the path may be as far off itself
