@@ -48,10 +48,11 @@ def test_loops_add_observations_once() -> None:
     assert made.loop is not None and made.loop.tolist() == [-1, -1, -1, -1, 0]
 
 
-def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("optimum", [None, SimpleNamespace(loop=np.array([-1, -1]))])
+def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch, optimum: object) -> None:
     path = SimpleNamespace(world_T_camera=None)
     first = SimpleNamespace(trajectory=path, points=None, assessment=None)
-    results = iter([(first, None, None)])
+    results = iter([(first, None, None)] + ([] if optimum is None else [(optimum, None, None)]))
 
     def optimise(*_: object) -> object:
         try:

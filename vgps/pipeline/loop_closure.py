@@ -58,7 +58,8 @@ def optimise_loops(
         again = optimise_readout(front_end, tied, fixes, config, refined.camera if refined else None)
     except GeometryError:  # the loops contradict the rest so much that no step lowers the cost
         return first, none
-    return again, kept_loops(loops, again[0])
+    kept = kept_loops(loops, again[0])
+    return (again, kept) if len(kept) else (first, none)
 
 
 def kept_loops(loops: Sequence[Loop], batch: BatchResult) -> IntArray:

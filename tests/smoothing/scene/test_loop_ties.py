@@ -66,6 +66,12 @@ def test_a_motion_of_everything_gives_no_gradient() -> None:
     assert np.abs(whole).max() < 1e-6 * np.abs(part).max()
 
 
+def test_loops_that_were_all_refused_give_no_gradient() -> None:
+    problem, loop = problem_with_loop()
+    drift = np.ones((6 * FRAMES, 1))
+    assert not loop_gradient(problem, np.full_like(loop, -1), analyse_sparsity(problem), drift).any()
+
+
 def test_a_loop_is_refused_as_a_whole() -> None:
     loop = np.array([-1, -1, 0, 0, 0, 1, 1])
     good = np.array([True, False, True, True, False, False, True])

@@ -68,6 +68,8 @@ def loop_gradient(
 def _by_landmark(problem: BundleProblem, loop: IntArray) -> Iterator[IntArray]:
     """Yield the observations of landmarks that loops observe, some whole landmarks at a time."""
     rows = np.flatnonzero(np.isin(problem.landmark, problem.landmark[loop >= 0]))
+    if not len(rows):  # all loops have been refused
+        return
     rows = rows[np.argsort(problem.landmark[rows], kind="stable")]
     begins = np.flatnonzero(np.diff(problem.landmark[rows], prepend=-1))
     cuts = begins[np.flatnonzero(np.diff(begins // _PART, prepend=0))]
