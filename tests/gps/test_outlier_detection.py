@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,7 +8,9 @@ from scipy.integrate import quad
 from synthetic_fixes import T_S, drifting, fixes_at, path, trajectory
 
 from vgps.config import Config
+from vgps.gps.fixes import CLASSES
 from vgps.gps.outlier_detection import FixAssessment, assess_offsets, detect_outliers
+from vgps.model import FixClass
 
 CONFIG = Config()
 T_FIX = np.arange(0.05, 19.0)
@@ -72,6 +76,21 @@ def test_a_consistent_cluster_of_false_rtk_fixes_is_rejected():
     fixes = fixes_at(T_FIX, np.where(fix, 0.07, 2.4), np.where(fix, 0.05, 6.5), offset=offset)
     found = judged(trajectory(path(T_S)), fixes)
     assert np.flatnonzero(found.rejected).tolist() == [8, 9, 10, 11]
+
+
+@pytest.mark.parametrize("last_s", [2.0, 4.0])
+def test_rtk_fixes_at_the_end_are_not_outvoted_by_many_floats(last_s):
+    """All floats have one error, within their region, and the path that was built with them lies on them."""
+    off_m, fix = np.array([-0.97, -2.15, -2.5]), T_FIX[-1] - last_s < T_FIX
+    fixes = fixes_at(
+        T_FIX,
+        *(np.where(fix, *both) for both in zip(FIX, FLOAT, strict=True)),
+        lower=[np.where(fix, size, np.nan) for size in FLOAT],
+        offset=np.where(fix[:, None], 0.0, off_m),
+    )
+    fixes = replace(fixes, fix_class=np.where(fix, 0, CLASSES.index(FixClass.RTK_FLOAT)))
+    found = judged(trajectory(path(T_S) + off_m), fixes)
+    assert not found.rejected.any() and not found.down_classed.any()
 
 
 @pytest.mark.parametrize("rate_hz", [1, 5, 10, 20])

@@ -59,6 +59,12 @@ class FixAssessment:
         """(M,) whether each fix most likely has the error of the class below."""
         return np.asarray((self.lower > self.nominal) & ~self.rejected)
 
+    def agrees_with(self, other: "FixAssessment") -> bool:
+        """Return whether both come to the same verdicts."""
+        return np.array_equal(self.rejected, other.rejected) and np.array_equal(
+            self.down_classed, other.down_classed
+        )
+
     def applied(self, fixes: Fixes) -> Fixes:
         """Return the fixes with the regions of their verdicts; outliers are not used."""
         low = self.down_classed
@@ -108,10 +114,21 @@ def assess_offsets(
     assessment = FixAssessment.unassessed(len(fixes))
     rows = np.isfinite(offset).all(axis=1) & np.isfinite(fixes.r_m)
     if rows.any():
-        state, _ = state_probabilities(offset[rows], fixes.where(rows), config, tolerance_m)
-        assessment.nominal[rows] = state[:, NOMINAL] + state[:, REPEATED_NOMINAL]
-        assessment.lower[rows] = state[:, LOWER] + state[:, REPEATED_LOWER]
+        known, _ = _assessed(offset[rows], fixes.where(rows), config, tolerance_m)
+        assessment.nominal[rows], assessment.lower[rows] = known.nominal, known.lower
     return assessment
+
+
+def _assessed(
+    offset: FloatArray, fixes: Fixes, config: Config, tolerance_m: float
+) -> tuple[FixAssessment, FloatArray]:
+    """Return the assessment of fixes with offsets, and the log (M,) of each offset's density."""
+    state, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
+    nominal, lower = (
+        state[:, NOMINAL] + state[:, REPEATED_NOMINAL],
+        state[:, LOWER] + state[:, REPEATED_LOWER],
+    )
+    return FixAssessment(nominal, lower), log_likelihood
 
 
 def detect_outliers(
@@ -150,12 +167,15 @@ def detect_outliers(
 def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Config) -> FixAssessment:
     """Assess fixes at the most likely of several fits.
 
-    The fits start from the given path and from coarse fits to all fixes, then from fits to all accepted fixes
-    except one suspect run in each stretch, then except those runs without which stretches are likelier.
+    The fits start from the given path and from coarse fits to all fixes and to those of the finest class,
+    which many coarse ones would outvote; then from fits to all accepted fixes except one suspect run in each
+    stretch, then except those runs without which stretches are likelier.
     """
     stretches = Stretches.along(path, fixes, models[0].knots)
     tolerance_m = _tolerance(path, models[0].knots, config)
     everything = np.ones(len(fixes), dtype=bool)
+    finest = fixes.fix_class == fixes.fix_class[np.nanargmin(fixes.r_m)]
+    fitted = [everything, finest] if 1 < finest.sum() < len(fixes) else [everything]
 
     def fits(starts: Callable[[DriftModel], Iterable[FloatArray]]) -> list[_Fit]:
         ends = [(model, start) for model in models for start in starts(model)]
@@ -166,7 +186,9 @@ def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Co
             lambda model: (model.fit_coarse_to_fine(accepted & ~run, tolerance_m) for run in left_out)
         )
 
-    best = _likeliest(fits(lambda model: (model.start, model.fit_coarse_to_fine(everything, tolerance_m))))
+    best = _likeliest(
+        fits(lambda model: (model.start, *(model.fit_coarse_to_fine(to, tolerance_m) for to in fitted)))
+    )
     accepted = ~assess_offsets(best.offset, fixes, config, tolerance_m).rejected
     offset = models[0].offsets(models[0].start)[accepted]
     beyond = _jumps(offset, fixes.where(accepted), tolerance_m, config)
@@ -209,19 +231,22 @@ def _alternate(
     config: Config,
     stretches: Stretches,
 ) -> _Fit:
-    """Assess and fit in turn until the verdicts no longer change."""
-    current = assess_offsets(model.offsets(parameters), fixes, config, tolerance_m)
-    for _ in range(_ROUNDS):
-        assessed = current.applied(fixes)
+    """Assess and fit in turn until the verdicts no longer change, and return the likeliest fit.
+
+    That may be the first: each fit takes errors for independent, so that many alike bend the path to them.
+    """
+    found: list[_Fit] = []
+    before = None
+    for _ in range(_ROUNDS + 1):
+        offset = model.offsets(parameters)
+        current, log_likelihood = _assessed(offset, fixes, config, tolerance_m)
+        found.append(_Fit(stretches.sums(-log_likelihood, 0.5 * model.prior_costs(parameters)), offset))
+        if before is not None and current.agrees_with(before):
+            break
+        assessed, before = current.applied(fixes), current
         regions = np.stack([assessed.r_m, assessed.r_m, assessed.h_m], axis=1)
         parameters = model.refine(parameters, assessed.used, regions)
-        before, current = current, assess_offsets(model.offsets(parameters), fixes, config, tolerance_m)
-        same = np.array_equal(before.rejected, current.rejected)
-        if same and np.array_equal(before.down_classed, current.down_classed):
-            break
-    offset = model.offsets(parameters)
-    _, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
-    return _Fit(stretches.sums(-log_likelihood, 0.5 * model.prior_costs(parameters)), offset)
+    return _likeliest(found)
 
 
 def _tolerance(path: Trajectory, knots: int, config: Config) -> float:
