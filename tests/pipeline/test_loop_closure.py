@@ -52,9 +52,12 @@ def test_loops_add_observations_once() -> None:
 def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch, optimum: object) -> None:
     path = SimpleNamespace(world_T_camera=None)
     first = SimpleNamespace(trajectory=path, points=None, assessment=None)
-    results = iter([(first, None, None)] + ([] if optimum is None else [(optimum, None, None)]))
+    refined = SimpleNamespace(camera=CAMERA)
+    results = iter([(first, refined, None)] + ([] if optimum is None else [(optimum, refined, None)]))
+    cameras: list[object] = []
 
-    def optimise(*_: object) -> object:
+    def optimise(*given: object) -> object:
+        cameras.extend(given[4:])
         try:
             return next(results)
         except StopIteration:
@@ -85,6 +88,7 @@ def test_loops_that_no_optimum_fits_are_refused(monkeypatch: pytest.MonkeyPatch,
     )
     result, loops = loop_closure.optimise_loops(front_end, merged, none, Config(), NoProgress())
     assert result[0] is first and loops.shape == (0, 2)
+    assert cameras == [CAMERA]  # that of the solution at which the second one starts
     assert shown[0].mask is not None and shown[1].mask is None  # what never moves is not searched
 
 

@@ -124,11 +124,8 @@ def _assessed(
 ) -> tuple[FixAssessment, FloatArray]:
     """Return the assessment of fixes with offsets, and the log (M,) of each offset's density."""
     state, log_likelihood = state_probabilities(offset, fixes, config, tolerance_m)
-    nominal, lower = (
-        state[:, NOMINAL] + state[:, REPEATED_NOMINAL],
-        state[:, LOWER] + state[:, REPEATED_LOWER],
-    )
-    return FixAssessment(nominal, lower), log_likelihood
+    nominal = state[:, NOMINAL] + state[:, REPEATED_NOMINAL]
+    return FixAssessment(nominal, state[:, LOWER] + state[:, REPEATED_LOWER]), log_likelihood
 
 
 def detect_outliers(
@@ -174,7 +171,7 @@ def _assess(models: list[DriftModel], path: Trajectory, fixes: Fixes, config: Co
     stretches = Stretches.along(path, fixes, models[0].knots)
     tolerance_m = _tolerance(path, models[0].knots, config)
     everything = np.ones(len(fixes), dtype=bool)
-    finest = fixes.fix_class == fixes.fix_class[np.nanargmin(fixes.r_m)]
+    finest = fixes.fix_class == fixes.fix_class[np.argmin(fixes.r_m)]
     fitted = [everything, finest] if 1 < finest.sum() < len(fixes) else [everything]
 
     def fits(starts: Callable[[DriftModel], Iterable[FloatArray]]) -> list[_Fit]:
