@@ -106,6 +106,17 @@ def test_a_trial_that_displacements_refute_does_not_count(monkeypatch, displacem
     assert decided(after) == plain(again[0] if counts else seen)
 
 
+def test_a_trial_and_displacements_count_together(monkeypatch):
+    """As 30 s of a Septentrio on kitti03, 2.75 sigmas apart: alone the poses make it four times likelier."""
+    monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.0)
+    shown, alone = [TimeOffset(-0.09, 0.023)] * 2, trial(monkeypatch, [TimeOffset(-0.09, 0.023)] * 2)[0]
+    assert alone.shown_by_poses
+    seen = replace(HELD, by_displacements=TimeOffset(-0.012, 0.016))
+    assert decided(trial(monkeypatch, shown, seen)[0]) == plain(seen)
+    told = replace(HELD, by_displacements=TimeOffset(-0.06, 0.016))
+    assert trial(monkeypatch, shown, told)[0].shown_by_poses
+
+
 def test_a_trial_that_knows_little_more_than_the_prior_does_not_count(monkeypatch):
     """As where a wrong height of the camera stretches the path: 0.72 s, one sigma 0.47 s."""
     monkeypatch.setattr(clock_check, "_left_unknown", lambda *_: 0.0)

@@ -40,8 +40,9 @@ def with_shown_clock(
     time offset. If all are, it is held.
 
     Where it might be chance, or the places of the fixes suggest a time offset, the round is solved again with
-    it to estimate, and counts if it is likelier than none, to the side that was suspected, and not refuted by
-    displacements. It is held from then on unless most fixes are RTK-fixes.
+    it to estimate. It counts if poses and displacements together make it likelier than none, if it is to the
+    side that was suspected, and if displacements do not refute it; and it is held from then on unless most
+    fixes are RTK-fixes.
 
     Where neither shows one, poses that claim to know it better than displacements do are asked at both ends
     of what those leave open: what a solution there costs more decides how much is unknown.
@@ -190,7 +191,9 @@ def _tried(
     trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
     found = _shown(tried, prior)
-    _, probability = model_average(found, prior, settings.trusted_time_offset_s)
+    # if displacements made the time offset likely, that is counted by its probability
+    told = found if sensors.prior_time_offset.sigma_s else _both(found, sensors.by_displacements, prior)
+    _, probability = model_average(told, prior, settings.trusted_time_offset_s)
     likely, chance = probability * before, (1.0 - probability) * (1.0 - before)
     if not (likely >= chance and _same_side(start, found, prior)):
         return None
@@ -204,6 +207,14 @@ def _tried(
     moved_s = trial.moved(tried.result.problem.shared).time_offset_s - trial.time_offset_s
     held = sensors.with_time_offset(found, likely / (likely + chance))
     return replace(held, time_offset_s=found.time_offset_s - moved_s), tried
+
+
+def _both(found: TimeOffset, by_displacements: TimeOffset | None, prior: TimeOffset) -> TimeOffset:
+    """Return what poses and displacements say together, each under the prior, without it."""
+    alone = [without_prior(one, prior) for one in (found, by_displacements) if one is not None]
+    time_offset_s, sigma_s = np.array([(one.time_offset_s, one.sigma_s) for one in alone]).T
+    information = float(np.sum(sigma_s**-2))
+    return TimeOffset(float(sigma_s**-2 @ time_offset_s) / information, information**-0.5)
 
 
 def _same_side(suspected: TimeOffset, found: TimeOffset, prior: TimeOffset) -> bool:
