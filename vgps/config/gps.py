@@ -98,8 +98,10 @@ class OffsetErrors(SettingsModel):
     """Scale of the offset's steps over one second, on each horizontal axis."""
     walk_spread: NonNegativeFloat = 1.1
     """Standard deviation of the log of the walk between receivers."""
-    rate_lasts_s: PositiveFloat = 5.0
+    rate_lasts_s: PositiveFloat = 2.0
     """Time for which the error keeps the rate of its change; over longer times it walks at random."""
+    rate_spread: NonNegativeFloat = 1.1
+    """Standard deviation of the log of this time between receivers; with 0 it is not learned."""
     tail: PositiveFloat = 3.0
     """Degrees of freedom of Student's t, the distribution of noise and steps; small means frequent jumps."""
     vertical: PositiveFloat = 2.2
@@ -109,14 +111,24 @@ class OffsetErrors(SettingsModel):
 def _default_offsets() -> dict[FixClass, OffsetErrors]:
     # The median change of an RTK-float's error grows like t^0.7 and t^0.9 from 1 to 8 s (rtk_drive, survey),
     # that of a Septentrio's RTK-float and DGPS errors like t^0.6 within a second; a random walk like t^0.5.
-    # How long the rate lasts was chosen with live poses on kitti03 and kitti07: no proof for other receivers.
-    fixed = {"noise_m": 0.004, "noise_spread": 0.7, "walk_m": 0.002, "walk_spread": 0.6, "rate_lasts_s": 1.0}
+    # How long the rate of an RTK-float lasts was chosen with live poses on kitti03 and kitti07: no proof for
+    # other receivers. That of DGPS and single fixes is 2 s, give or take a factor of three: 1.0 s by the
+    # growth of the Septentrio's DGPS errors from 1 to 3 s, 3.4 s by that of the u-blox's from 1 to 10 s.
+    fixed = {
+        "noise_m": 0.004,
+        "noise_spread": 0.7,
+        "walk_m": 0.002,
+        "walk_spread": 0.6,
+        "rate_lasts_s": 1.0,
+        "rate_spread": 0.0,
+    }
     floating = {
         "noise_m": 0.0025,
         "noise_spread": 1.5,
         "walk_m": 0.006,
         "walk_spread": 2.2,
         "rate_lasts_s": 20.0,
+        "rate_spread": 0.0,
         "tail": 1.1,
     }
     return {

@@ -25,30 +25,31 @@ from vgps.gps.fix_factors import contributing_fixes
 from vgps.gps.fixes import CLASSES, Fixes, independent_epochs
 from vgps.gps.frame_gaps import in_gaps
 from vgps.gps.neighbour_pairs import MEDIAN, NeighbourPairs
-from vgps.gps.offset_errors import walk_scale
 from vgps.gps.offsets import chain_offsets
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
 from vgps.solution import Trajectory
 
 _LARGEST_SIGMAS = 3.0  # of the spread between receivers
 _SPAN_SIGMAS = 3.0  # of the priors, covered by the grid
-_LAGS_S = (0.0, 1.0, 3.0)  # noise shows in neighbours, the walk in how differences grow
+_LAGS_S = (0.0, 1.0, 3.0, 10.0)  # noise shows in neighbours, the walk in how differences grow
 _MAX_PAIRS = 150  # of a class at each lag; more hardly sharpen two numbers
-_KNOWN = {"noise_spread": 0.0, "walk_spread": 0.0}
-_WALKS, _NOISES, _SHARES = 49, 25, 7  # values of the grid
+_KNOWN = {"noise_spread": 0.0, "walk_spread": 0.0, "rate_spread": 0.0}
+_WALKS, _NOISES, _SHARES, _RATES = 49, 25, 7, 7  # values of the grid
+_LEAST_PAIRS = 5  # at a lag
 _NEAR = 1.05  # of the shortest interval
 _UPPER = 0.84  # of the posterior of the walk lies below what counts: a standard deviation above its middle
 
 
 @dataclass(frozen=True)
 class LearnedErrors:
-    """Noise and walk of a class in one log, as in :class:`~vgps.config.gps.OffsetErrors`.
+    """What a log shows of the errors of a class, as in :class:`~vgps.config.gps.OffsetErrors`.
 
-    They are as large as they may well be: what is unknown about them is part of them.
+    All are as large as they may well be: what is unknown about them is part of them.
     """
 
     noise_m: float
     walk_m: float
+    rate_lasts_s: float
 
 
 class _Pairs(NamedTuple):
@@ -65,6 +66,7 @@ def largest_errors(config: GpsConfig) -> dict[FixClass, LearnedErrors]:
         name: LearnedErrors(
             _largest_noise(errors),
             errors.walk_m * float(np.exp(_LARGEST_SIGMAS * errors.walk_spread)),
+            errors.rate_lasts_s * float(np.exp(_LARGEST_SIGMAS * errors.rate_spread)),
         )
         for name, errors in config.memory.classes.items()
         if config.learns and name in config.regions and name is not FixClass.RTK_FIX
@@ -117,7 +119,7 @@ def learn_errors(
         if CLASSES[k] is not FixClass.RTK_FIX:
             learned[CLASSES[k]] = _posterior(pairs, errors, config.gps, added_m)
         elif (noise_m := _neighbours_noise(pairs, config.gps, added_m)) > _largest_noise(errors):
-            learned[CLASSES[k]] = LearnedErrors(noise_m, errors.walk_m)
+            learned[CLASSES[k]] = LearnedErrors(noise_m, errors.walk_m, errors.rate_lasts_s)
     return learned
 
 
@@ -175,9 +177,9 @@ def _compared(
     """Return the pairs of neighbours in the same stretch (M,); None if they are too few to compare."""
     rows = np.flatnonzero(np.diff(stretch) == 0)
     pairs = NeighbourPairs(path, fixes, camera_p_antenna, rows, config.sensors.time_offset)
-    if pairs.degrees_of_freedom < pairs.count:
+    if pairs.count < _LEAST_PAIRS or (left := 2.0 * pairs.count - pairs.absorbed()) < pairs.count:
         return None
-    lost = 2.0 * pairs.count / pairs.degrees_of_freedom  # to the factors of scale and heading
+    lost = 2.0 * pairs.count / left  # to the factors of scale and heading
     few = np.unique(np.linspace(0, pairs.count - 1, _MAX_PAIRS).astype(int))
     columns = pairs.difference(0.0) * np.sqrt(lost), pairs.interval_s, pairs.length_m
     return _Pairs(*(column[few] for column in columns))
@@ -195,21 +197,60 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig, added_m: 
     share, share_prior = _grid(memory.path_share, memory.path_spread, _SHARES)
     fixed = 2.0 * (noise[:, None, None] ** 2 + added_m**2)
     fixed = fixed + np.multiply.outer(share, pairs.length_m) ** 2
-    at_random = walk_scale(errors, pairs.interval_s) / errors.walk_m
-    steady = np.where(pairs.interval_s < 1.0, pairs.interval_s, at_random)
-    fit: FloatArray = np.full((_WALKS, _NOISES, _SHARES), -np.inf)
-    for per_second in (at_random, steady):  # a receiver's filter smooths its errors within a second, or not
-        walked = np.multiply.outer(walk, per_second)[:, None, None]
+    rate, rate_prior = _rates(errors)
+    log = np.empty((len(rate), _WALKS, _NOISES, _SHARES))
+    for k in range(len(rate)):
+        walked = np.multiply.outer(walk, _growth(float(rate[k]), pairs.interval_s, tail))[:, None, None]
         squared = walked**2 + fixed  # (walks, noises, shares, n)
         density = -np.log(squared) - (tail + 2.0) / 2.0 * np.log1p(pairs.difference_m**2 / squared / tail)
-        fit = np.logaddexp(fit, density.sum(axis=-1))
-    log = fit + walk_prior[:, None, None] + noise_prior[:, None] + share_prior
+        log[k] = density.sum(axis=-1) + rate_prior[k]
+    log += walk_prior[:, None, None] + noise_prior[:, None] + share_prior
     weight = np.exp(log - log.max())
     weight /= weight.sum()
+    walk_m = _upper_limit(walk, weight.sum(axis=(0, 2, 3)))
     return LearnedErrors(
-        noise_m=float(np.sqrt(weight.sum(axis=(0, 2)) @ noise**2)),
-        walk_m=_upper_limit(walk, weight.sum(axis=(1, 2))),
+        noise_m=float(np.sqrt(weight.sum(axis=(0, 1, 3)) @ noise**2)),
+        walk_m=walk_m,
+        rate_lasts_s=_rate_of_walk(walk_m, rate, walk, weight.sum(axis=(2, 3)), errors),
     )
+
+
+def _rates(errors: OffsetErrors) -> tuple[FloatArray, FloatArray]:
+    """Return times (R,) that rates of change may last, and the logs of their densities."""
+    if errors.rate_spread:
+        return _grid(errors.rate_lasts_s, errors.rate_spread, _RATES)
+    return np.array([0.0, 1.0]), np.zeros(2)  # a receiver's filter smooths its errors within a second, or not
+
+
+def _growth(rate_lasts_s: float, interval_s: FloatArray, tail: float) -> FloatArray:
+    """Return the changes of an error over intervals (n,), over that in one second.
+
+    Within the time that a rate lasts they grow evenly; sums of such steps, as in
+    :func:`~vgps.gps.offset_errors.walk_scale`.
+    """
+    power = 1.0 / min(tail, 2.0)
+    if not rate_lasts_s:
+        return np.asarray(interval_s**power)
+    summed = rate_lasts_s ** (1.0 - power)
+    return np.asarray(np.minimum(interval_s, summed * interval_s**power) / min(1.0, summed))
+
+
+def _rate_of_walk(
+    walk_m: float, rate: FloatArray, walk: FloatArray, weight: FloatArray, errors: OffsetErrors
+) -> float:
+    """Return how long the rate of a walk lasts that leads as far in the long run as the error may well.
+
+    Args:
+        walk_m: Over one second.
+        rate, walk, weight: Values (R,) and (W,), and their posterior (R, W).
+        errors: The prior, which counts where the rate is none to learn.
+    """
+    if not errors.rate_spread:
+        return errors.rate_lasts_s
+    # a rate that lasts for less than a second leads no further than steps of a second
+    far = np.multiply.outer(np.sqrt(np.maximum(rate, 1.0)), walk).ravel()
+    order = np.argsort(far)
+    return max(1.0, (_upper_limit(far[order], weight.ravel()[order]) / walk_m) ** 2)
 
 
 def _neighbours_noise(pairs: _Pairs, config: GpsConfig, added_m: float) -> float:

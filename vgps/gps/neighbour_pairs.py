@@ -101,6 +101,15 @@ class NeighbourPairs:
         """(n,) distances of the antenna from one fix of a pair to the other, as the camera sees them."""
         return np.abs(self._camera_displacement(0.0))
 
+    def absorbed(self) -> float:
+        """Return how many of the residuals the factors take up, as far as these are free (MacKay, Bayesian
+        Interpolation, Neural Computation 4, 1992)."""
+        fit = self._fitted(0.0)
+        band = self._knots.normal_band(self._weight(fit.difference) * np.abs(fit.displacement) ** 2)
+        shown = np.diag(band[1]) + np.diag(band[0, 1:], 1) + np.diag(band[0, 1:], -1)
+        free = shown + self.config.factor_sigma**-2 * np.eye(self._knots.count)
+        return 2.0 * float(np.trace(np.linalg.solve(free, shown)))
+
     def at_times(self, t_s: FloatArray) -> "NeighbourPairs":
         """Return the same pairs with other times (M,) of their fixes, such as those of another clock."""
         moved = copy.copy(self)

@@ -32,6 +32,7 @@ def averaged_over_receivers(errors: OffsetErrors) -> OffsetErrors:
     means = {
         "noise_m": errors.noise_m * float(np.exp(errors.noise_spread**2 / 2.0)),
         "walk_m": errors.walk_m * float(np.exp(errors.walk_spread**2 / 2.0)),
+        "rate_lasts_s": errors.rate_lasts_s * float(np.exp(errors.rate_spread**2 / 2.0)),
     }
     return errors.model_copy(update=means)
 

@@ -20,7 +20,8 @@ class SensorReport:
         clock_rate_sigma: Its standard deviation; NaN if it was not estimated.
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
             empty if it was not refined.
-        fix_errors: Noise and walk learned from the recording, ``noise_m`` and ``walk_m`` by fix class.
+        fix_errors: Learned from the recording, by fix class: ``noise_m``, ``walk_m`` and how long errors keep
+            the rate of their change, ``rate_lasts_s``.
         imu: Biases in the middle of the recording, in the IMU's axes, ``accelerometer_m_s2``, ``gyro_rad_s``,
             and, where known, their standard deviations (``.._sigma_..``); empty without an IMU.
         camera_height: Where it is known, ``m`` above the ground, ``scale_sigma``, the standard deviation of

@@ -70,6 +70,7 @@ graph.fixes.used                (M,)         whether it has a factor, inside the
 graph.fixes.correlation_s       (M,)         time after which its error counts as independent
 graph.errors.fix_class          (E,)         classes whose errors were learned from the recording
 graph.errors.noise_m, walk_m    (E,)         noise and walk of their errors
+graph.errors.rate_lasts_s       (E,)         how long these keep the rate of their change
 graph.zero_motions.frame        (Z,)         standing frame without observations
 graph.zero_motions.reference    (Z,)         frame with observations that it stands at
 graph.zero_motions.pose         (Z, 4, 4)    reference_T_frame

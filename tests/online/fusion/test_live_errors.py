@@ -40,7 +40,7 @@ def learned(step_m, noise_m):
     """Step over a second and noise as learned, the median of three drives."""
     found = [live(offsets(step_m, noise_m, seed))[0].learned[FixClass.SINGLE] for seed in range(3)]
     walk_m, noise_m = np.median([(one.walk_m, one.noise_m) for one in found], axis=0)
-    return walk_m * np.sqrt(SINGLE.rate_lasts_s), noise_m
+    return walk_m * np.sqrt(averaged_over_receivers(SINGLE).rate_lasts_s), noise_m
 
 
 @pytest.mark.slow
@@ -206,7 +206,7 @@ def test_what_was_learned_counts_in_the_next_fits_and_is_kept_while_there_are_no
     single, fixed = (
         drive.fixes([kind] * 40, np.zeros((40, 3))) for kind in (FixClass.SINGLE, FixClass.RTK_FIX)
     )
-    known = {FixClass.SINGLE: LearnedErrors(noise_m=0.01, walk_m=0.01)}
+    known = {FixClass.SINGLE: LearnedErrors(noise_m=0.01, walk_m=0.01, rate_lasts_s=5.0)}
     last = replace(fit(fit_input(drive.seen(), 300, single), CONFIG).fused, learned=known)
     now = fit_input(drive.seen(), 312, single, last)
     for fused in (newest_fit(now, CONFIG), fit(now, CONFIG).fused):

@@ -264,9 +264,11 @@ def test_gtsam_ends_at_the_fast_engines_minimum_on_a_real_drive_with_an_imu(data
     assert max(moved_m) < 0.01
 
 
-def test_a_graph_from_before_correlations_has_none(run):
+@pytest.mark.parametrize("lacking", ["fixes.correlation", "errors.rate_lasts_s"])
+def test_a_graph_from_before_has_not_every_array(run, lacking):
     solution = read_run(run)
-    older = {name: array for name, array in solution.graph.items() if name != "fixes.correlation"}
+    older = {name: array for name, array in solution.graph.items() if name != lacking}
+    assert len(older) < len(solution.graph)
     _, values = vgps.factor_graph(replace(solution, graph=older))
     assert values.size() == vgps.factor_graph(solution)[1].size()
 

@@ -64,6 +64,7 @@ def errors_in_fit(
         learned[name] = LearnedErrors(
             noise_m=_mean_scale(prior.noise_m, prior.noise_spread, now.noise_m, noise_k),
             walk_m=_mean_scale(prior.walk_m, prior.walk_spread, now.walk_m, walk_k),
+            rate_lasts_s=now.rate_lasts_s,
         )
     return learned
 

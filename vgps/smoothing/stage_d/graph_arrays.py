@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vgps.config import Config
+from vgps.config import Config, GpsConfig
 from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.learned_errors import LearnedErrors
 from vgps.gps.offsets import offset_key
@@ -114,7 +114,7 @@ def batch_input(solution: Solution, graph: Arrays) -> BatchInput:
         sensors=_sensors(solution, graph),
         fixed=graph["held"],
         context=SmoothingContext(solution.camera, config, imu=_imu(graph), cameras=solution.cameras),
-        errors=_errors(graph),
+        errors=_errors(graph, config.gps),
         imu=ImuStates(**_of(graph, "knots", ImuStates)) if "knots.frame" in graph else None,
         antenna_velocity=graph["antenna_velocity"] if "c0" in graph else None,
     )
@@ -195,11 +195,15 @@ def _error_arrays(errors: Mapping[FixClass, LearnedErrors]) -> dict[str, npt.NDA
     return {"errors.fix_class": np.array([str(name) for name in errors], dtype=np.str_), **columns}
 
 
-def _errors(graph: Arrays) -> dict[FixClass, LearnedErrors]:
-    """Return noise and walk of the classes that were learned; runs before had none."""
-    names = graph.get("errors.fix_class", np.zeros(0, dtype=np.str_)).tolist()
-    columns = [graph[f"errors.{column}"].tolist() for column in _LEARNED] if names else [[], []]
-    return {FixClass(name): LearnedErrors(*row) for name, *row in zip(names, *columns, strict=True)}
+def _errors(graph: Arrays, config: GpsConfig) -> dict[FixClass, LearnedErrors]:
+    """Return the errors of the classes that were learned.
+
+    Runs before had none, or the rates of the classes.
+    """
+    names = [FixClass(name) for name in graph.get("errors.fix_class", np.zeros(0, dtype=np.str_)).tolist()]
+    of_class = {"errors.rate_lasts_s": np.array([config.offset_errors(name).rate_lasts_s for name in names])}
+    columns = [{**of_class, **graph}[f"errors.{column}"].tolist() for column in _LEARNED if names]
+    return {name: LearnedErrors(*row) for name, *row in zip(names, *columns, strict=True)}
 
 
 def _zero_motion_arrays(zero_motions: tuple[ZeroMotion, ...]) -> dict[str, npt.NDArray[Any]]:
