@@ -170,3 +170,6 @@ def test_errors_drawn_for_sigmas_are_those_of_the_mean_receiver_until_the_log_sh
     np.testing.assert_allclose(term(two).noise_ratio, [noise, noise, step])
     learned = with_errors(CONFIG, {FixClass.RTK_FIX: LearnedErrors(0.01, 0.02, 1.0)})
     np.testing.assert_allclose(term(two, learned).noise_ratio, 1.0)
+    single = fixes([0, 1], fix_class=CLASSES.index(FixClass.SINGLE))
+    lasting = np.sqrt(np.exp(1.1**2 / 2))  # the rate of its walk differs between receivers, too
+    np.testing.assert_allclose(term(single).noise_ratio[-1], np.exp(1.1**2 / 2) * lasting)

@@ -171,7 +171,10 @@ def _noise_ratio(fixes: Fixes, chain: OffsetChain, config: GpsConfig) -> FloatAr
     mean = np.array([one.noise_m for one in means])
     added_m = np.linalg.norm(rows.logging_sigma_m[:, :2], axis=1) / np.sqrt(2.0)
     noise = np.hypot(mean, added_m) / np.hypot(own, added_m)
-    walk = np.array([mean.walk_m / one.walk_m for mean, one in zip(means, errors, strict=True)])
+    second = np.ones(1)
+    walk = np.array(
+        [step_scale(mean, second) / step_scale(one, second) for mean, one in zip(means, errors, strict=True)]
+    ).ravel()
     return np.concatenate([noise, walk[chain.first][~chain.starts]])
 
 
