@@ -77,7 +77,7 @@ def test_the_walk_of_a_receiver_is_found(walk_m):
 @pytest.mark.parametrize("noise_m", [0.03, 0.15])
 def test_the_noise_of_frequent_fixes_is_found_beside_their_walk(noise_m):
     found = [learned(log(0.05, noise_m, interval_s=0.2, seed=seed))[DGPS] for seed in range(5)]
-    # of a walk at random, less frequent than rates that last, a part looks like noise
+    # the prior expects a rate that lasts, by which part of a walk at random looks like noise
     assert 0.75 < np.median([one.noise_m for one in found]) / noise_m < 1.4
     # behind much noise a walk may be larger than it is
     assert 0.8 < np.median([one.walk_m for one in found]) / 0.05 < 2.5
@@ -102,15 +102,15 @@ def test_errors_that_keep_their_rate_are_told_from_a_walk_at_random():
         root mean square, and how long the rate is said to last."""
         rng, t_s = np.random.default_rng(seed), np.arange(0.05, 115.0)
         changes_s = np.arange(0.0, 130.0, lasts_s)
-        steps = 0.1 * max(lasts_s, 1.0) * rng.standard_normal((len(changes_s), 3))
+        steps = 0.1 * lasts_s * rng.standard_normal((len(changes_s), 3))
         error = np.stack([np.interp(t_s, changes_s, axis) for axis in np.cumsum(steps, axis=0).T], axis=1)
         one = learned(fixes_with(t_s, path(t_s) + error, DGPS))[DGPS]
         errors = CONFIG.gps.offset_errors(DGPS).model_copy(update=vars(one))
         far_m = one_sigma(errors) * float(step_scale(errors, 60.0))
-        return far_m / (0.1 * max(lasts_s, 1.0) * np.sqrt(60.0 / lasts_s)), one.rate_lasts_s
+        return far_m / (0.1 * lasts_s * np.sqrt(60.0 / lasts_s)), one.rate_lasts_s
 
-    shares, lasts_s = np.median([[found(s, seed) for s in (1.0, 8.0)] for seed in range(5)], axis=0).T
-    assert (shares > 0.7).all() and (shares < 2.0).all()
+    ratios, lasts_s = np.median([[found(s, seed) for s in (1.0, 8.0)] for seed in range(5)], axis=0).T
+    assert (ratios > 0.7).all() and (ratios < 2.0).all()
     assert lasts_s[0] < 3.0 and lasts_s[1] > 6.0
 
 

@@ -70,6 +70,18 @@ def test_time_offsets_of_a_grid_are_compared_as_each_by_itself():
     np.testing.assert_allclose(pairs.difference(grid), alone, rtol=1e-9)
 
 
+def test_factors_absorb_as_many_residuals_as_they_are_free_to():
+    """Two factors of 19 s, complex numbers, are four parameters."""
+
+    def absorbed(factor_sigma):
+        config = TimeOffsetConfig(factor_sigma=factor_sigma)
+        return neighbour_pairs(trajectory(path(T_S)), late(0.0, wander(0)), NONE, BELIEVED, config).absorbed()
+
+    assert absorbed(0.9) == pytest.approx(4.0, abs=0.01)
+    assert absorbed(1e-6) == pytest.approx(0.0, abs=0.01)
+    assert 0.1 < absorbed(0.01) < 3.9
+
+
 @pytest.mark.slow
 def test_the_sigma_is_the_scatter_over_many_logs():
     logs = [late(0.2, wander(seed)) for seed in range(60)]

@@ -113,7 +113,8 @@ def _default_offsets() -> dict[FixClass, OffsetErrors]:
     # that of a Septentrio's RTK-float and DGPS errors like t^0.6 within a second; a random walk like t^0.5.
     # How long the rate of an RTK-float lasts was chosen with live poses on kitti03 and kitti07: no proof for
     # other receivers. That of DGPS and single fixes is 2 s, give or take a factor of three: 1.0 s by the
-    # growth of the Septentrio's DGPS errors from 1 to 3 s, 3.4 s by that of the u-blox's from 1 to 10 s.
+    # growth of the Septentrio's DGPS errors from 1 to 3 s, 3.4 s by that of the u-blox's from 1 to 10 s
+    # (medians of the axes; without north of the u-blox, where its clock shows).
     fixed = {
         "noise_m": 0.004,
         "noise_spread": 0.7,
@@ -160,8 +161,8 @@ class MemoryConfig(SettingsModel):
     """Standard deviation of the log of that factor between receivers: stated sigmas are weighed, not
     believed."""
     learn: bool = True
-    """Learn noise and walk of each class but RTK-fix from the recording, with the classes as priors; live,
-    those of classes whose errors do not drift steadily for long."""
+    """Learn noise, walk and rate of each class but RTK-fix from the recording, with the classes as priors;
+    live, noise and walk of classes whose errors do not drift steadily for long."""
     path_share: PositiveFloat = 0.003
     """Error of the video's path from one fix to the next, as a share of the distance; and drift of its scale
     and heading, as a share and in radians, where errors of fixes are learned along it."""

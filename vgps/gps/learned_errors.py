@@ -1,4 +1,4 @@
-"""Noise and walk of the fix classes, learned from the recording itself.
+"""Noise and walk of the fix classes, and how long its rate lasts, learned from the recording itself.
 
 From one fix to the next, the displacement of the fixes differs from that of the antenna by the noise and
 the walk of their error, and by the error of the video, a small share of the distance. Receivers differ by
@@ -31,11 +31,12 @@ from vgps.solution import Trajectory
 
 _LARGEST_SIGMAS = 3.0  # of the spread between receivers
 _SPAN_SIGMAS = 3.0  # of the priors, covered by the grid
-_LAGS_S = (0.0, 1.0, 3.0, 10.0)  # noise shows in neighbours, the walk in how differences grow
+_LAGS_S = (0.0, 1.0, 3.0, 10.0)  # noise shows in neighbours, walk and rate in how differences grow
 _MAX_PAIRS = 150  # of a class at each lag; more hardly sharpen two numbers
 _KNOWN = {"noise_spread": 0.0, "walk_spread": 0.0, "rate_spread": 0.0}
 _WALKS, _NOISES, _SHARES, _RATES = 49, 25, 7, 7  # values of the grid
-_LEAST_PAIRS = 5  # at a lag
+_LEAST_PAIRS = 5  # of a class at a lag
+_AT_ONCE_S = 1e-6  # that a rate lasts in a walk at random
 _NEAR = 1.05  # of the shortest interval
 _UPPER = 0.84  # of the posterior of the walk lies below what counts: a standard deviation above its middle
 
@@ -61,7 +62,7 @@ class _Pairs(NamedTuple):
 
 
 def largest_errors(config: GpsConfig) -> dict[FixClass, LearnedErrors]:
-    """Return noise and walk as large as those of any receiver, of all classes but RTK-fix."""
+    """Return errors as large as those of any receiver, of all classes but RTK-fix."""
     return {
         name: LearnedErrors(
             _largest_noise(errors),
@@ -78,7 +79,7 @@ def _largest_noise(errors: OffsetErrors) -> float:
 
 
 def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) -> GpsConfig:
-    """Return settings with the learned noise and walk of some classes."""
+    """Return settings with the learned errors of some classes."""
     classes = {
         name: config.offset_errors(name).model_copy(update={**vars(errors), **_KNOWN})
         for name, errors in learned.items()
@@ -90,7 +91,7 @@ def with_errors(config: GpsConfig, learned: Mapping[FixClass, LearnedErrors]) ->
 def learn_errors(
     fixes: Fixes, path: Trajectory, torn: BoolArray, camera_p_antenna: FloatArray, config: Config
 ) -> dict[FixClass, LearnedErrors]:
-    """Return noise and walk of the classes of a log that has enough fixes of them; of usual RTK-fixes none.
+    """Return the errors of the classes of a log that has enough fixes of them; of usual RTK-fixes none.
 
     Fixes in gaps between frames say nothing of these, nor do pairs of fixes with a tear of the path between.
 
@@ -211,7 +212,9 @@ def _posterior(pairs: _Pairs, errors: OffsetErrors, config: GpsConfig, added_m: 
     return LearnedErrors(
         noise_m=float(np.sqrt(weight.sum(axis=(0, 1, 3)) @ noise**2)),
         walk_m=walk_m,
-        rate_lasts_s=_rate_of_walk(walk_m, rate, walk, weight.sum(axis=(2, 3)), errors),
+        rate_lasts_s=_rate_of_walk(walk_m, rate, walk, weight.sum(axis=(2, 3)))
+        if errors.rate_spread
+        else errors.rate_lasts_s,
     )
 
 
@@ -219,34 +222,28 @@ def _rates(errors: OffsetErrors) -> tuple[FloatArray, FloatArray]:
     """Return times (R,) that rates of change may last, and the logs of their densities."""
     if errors.rate_spread:
         return _grid(errors.rate_lasts_s, errors.rate_spread, _RATES)
-    return np.array([0.0, 1.0]), np.zeros(2)  # a receiver's filter smooths its errors within a second, or not
+    # a receiver's filter smooths its errors within a second, or not
+    return np.array([_AT_ONCE_S, 1.0]), np.zeros(2)
 
 
 def _growth(rate_lasts_s: float, interval_s: FloatArray, tail: float) -> FloatArray:
     """Return the changes of an error over intervals (n,), over that in one second.
 
-    Within the time that a rate lasts they grow evenly; sums of such steps, as in
+    They grow evenly for the time that a rate lasts, and then as sums of such steps, as in
     :func:`~vgps.gps.offset_errors.walk_scale`.
     """
     power = 1.0 / min(tail, 2.0)
-    if not rate_lasts_s:
-        return np.asarray(interval_s**power)
     summed = rate_lasts_s ** (1.0 - power)
     return np.asarray(np.minimum(interval_s, summed * interval_s**power) / min(1.0, summed))
 
 
-def _rate_of_walk(
-    walk_m: float, rate: FloatArray, walk: FloatArray, weight: FloatArray, errors: OffsetErrors
-) -> float:
-    """Return how long the rate of a walk lasts that leads as far in the long run as the error may well.
+def _rate_of_walk(walk_m: float, rate: FloatArray, walk: FloatArray, weight: FloatArray) -> float:
+    """Return how long the rate of a walk lasts that leads as far in the long run as the error may well do.
 
     Args:
         walk_m: Over one second.
         rate, walk, weight: Values (R,) and (W,), and their posterior (R, W).
-        errors: The prior, which counts where the rate is none to learn.
     """
-    if not errors.rate_spread:
-        return errors.rate_lasts_s
     # a rate that lasts for less than a second leads no further than steps of a second
     far = np.multiply.outer(np.sqrt(np.maximum(rate, 1.0)), walk).ravel()
     order = np.argsort(far)

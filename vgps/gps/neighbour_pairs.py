@@ -102,13 +102,12 @@ class NeighbourPairs:
         return np.abs(self._camera_displacement(0.0))
 
     def absorbed(self) -> float:
-        """Return how many of the residuals the factors take up, as far as these are free (MacKay, Bayesian
-        Interpolation, Neural Computation 4, 1992)."""
+        """Return how many residuals the factors take up, as far as their prior leaves these free (MacKay,
+        Bayesian Interpolation, Neural Computation 4, 1992)."""
         fit = self._fitted(0.0)
-        band = self._knots.normal_band(self._weight(fit.difference) * np.abs(fit.displacement) ** 2)
-        shown = np.diag(band[1]) + np.diag(band[0, 1:], 1) + np.diag(band[0, 1:], -1)
-        free = shown + self.config.factor_sigma**-2 * np.eye(self._knots.count)
-        return 2.0 * float(np.trace(np.linalg.solve(free, shown)))
+        band = self._band(fit.displacement, self._weight(fit.difference))
+        covariance = solveh_banded(band, np.eye(self._knots.count))
+        return 2.0 * float(self._knots.count - np.trace(covariance) / self.config.factor_sigma**2)
 
     def at_times(self, t_s: FloatArray) -> "NeighbourPairs":
         """Return the same pairs with other times (M,) of their fixes, such as those of another clock."""
@@ -203,11 +202,16 @@ class NeighbourPairs:
 
     def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
         """Return the solutions (..., K) of the factors' normal equations, which are tridiagonal and real."""
-        band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
-        band[1] += self.config.factor_sigma**-2
+        band = self._band(displacement, weight)
         return np.asarray(
             solveh_banded(band.reshape(2, -1), right.ravel()).reshape(right.shape), np.complex128
         )
+
+    def _band(self, displacement: ComplexArray, weight: FloatArray) -> FloatArray:
+        """Return the upper bands (2, ..., K) of the factors' normal matrices, with their prior."""
+        band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
+        band[1] += self.config.factor_sigma**-2
+        return band
 
 
 class _Fitted(NamedTuple):

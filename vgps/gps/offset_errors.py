@@ -28,7 +28,7 @@ def between_receivers(errors: OffsetErrors) -> float:
 
 
 def averaged_over_receivers(errors: OffsetErrors) -> OffsetErrors:
-    """Return the errors with noise and walk averaged over receivers, whose scales are log-normal."""
+    """Return the errors averaged over receivers, whose scales are log-normal: noise, walk and its rate."""
     means = {
         "noise_m": errors.noise_m * float(np.exp(errors.noise_spread**2 / 2.0)),
         "walk_m": errors.walk_m * float(np.exp(errors.walk_spread**2 / 2.0)),

@@ -25,6 +25,7 @@ from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
 from vgps.imu.camera_imu import imu_at_camera
 from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS, ControlObservations
 from vgps.mapping.zero_motion import ZeroMotion
+from vgps.model import FixClass
 from vgps.readers.run_folder import read_run
 from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d.batch import optimise_batch
@@ -264,13 +265,24 @@ def test_gtsam_ends_at_the_fast_engines_minimum_on_a_real_drive_with_an_imu(data
     assert max(moved_m) < 0.01
 
 
-@pytest.mark.parametrize("lacking", ["fixes.correlation", "errors.rate_lasts_s"])
-def test_a_graph_from_before_has_not_every_array(run, lacking):
+def test_a_graph_from_before_correlations_has_none(run):
     solution = read_run(run)
-    older = {name: array for name, array in solution.graph.items() if name != lacking}
-    assert len(older) < len(solution.graph)
+    older = {name: array for name, array in solution.graph.items() if name != "fixes.correlation"}
     _, values = vgps.factor_graph(replace(solution, graph=older))
     assert values.size() == vgps.factor_graph(solution)[1].size()
+
+
+def test_a_graph_from_before_rates_were_learned_has_those_of_the_classes(run):
+    solution = read_run(run)
+    name = solution.graph["fixes.fix_class"][0]
+    errors = Config.model_validate(solution.config).gps.offset_errors(FixClass(str(name)))
+    learned = {key: np.array([getattr(errors, key)]) for key in ("noise_m", "walk_m")}
+    older = {key: array for key, array in solution.graph.items() if key != "errors.rate_lasts_s"}
+    older |= {"errors.fix_class": np.array([name]), **{f"errors.{key}": one for key, one in learned.items()}}
+    vgps.factor_graph(replace(solution, graph=older))  # at the cost that the run reports
+    longer = {**older, "errors.rate_lasts_s": np.array([4.0 * errors.rate_lasts_s])}
+    with pytest.raises(RunFolderError, match="has the cost"):
+        vgps.factor_graph(replace(solution, graph=longer))
 
 
 def test_an_older_run_without_the_input_of_stage_d_says_so(run, tmp_path):

@@ -10,7 +10,8 @@ The size of the offsets follows in the same way, from stretches whose offsets vi
 It says how far the path may lie from the next such fixes.
 
 RTK-fixes keep the constants of their class, since every path follows them; so do noise and walk of classes
-whose errors drift steadily for longer, which steps from fix to fix do not show. RTK-fixes that were
+whose errors drift steadily for longer, which steps from fix to fix do not show. How long a rate lasts is that
+of the mean receiver. RTK-fixes that were
 down-classed count as floats, but show nothing of the receiver's floats.
 """
 

@@ -16,7 +16,13 @@ from vgps.config import SensorsConfig
 from vgps.errors import GeometryError
 from vgps.gps.fixes import CLASSES
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
-from vgps.gps.time_offset import agree_exactly, agreed_time_offset, model_average, without_prior
+from vgps.gps.time_offset import (
+    agree_exactly,
+    agreed_time_offset,
+    model_average,
+    with_prior,
+    without_prior,
+)
 from vgps.model import FixClass
 from vgps.smoothing.stage_d.batch_result import BatchSolution
 from vgps.smoothing.stage_d.sensor_steps import least_cost_step
@@ -191,7 +197,7 @@ def _tried(
     trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
     found = _shown(tried, prior)
-    # if displacements made the time offset likely, that is counted by its probability
+    # where displacements made it likely themselves, they count by that probability
     told = found if sensors.prior_time_offset.sigma_s else _both(found, sensors.by_displacements, prior)
     _, probability = model_average(told, prior, settings.trusted_time_offset_s)
     likely, chance = probability * before, (1.0 - probability) * (1.0 - before)
@@ -210,11 +216,11 @@ def _tried(
 
 
 def _both(found: TimeOffset, by_displacements: TimeOffset | None, prior: TimeOffset) -> TimeOffset:
-    """Return what poses and displacements say together, each under the prior, without it."""
-    alone = [without_prior(one, prior) for one in (found, by_displacements) if one is not None]
-    time_offset_s, sigma_s = np.array([(one.time_offset_s, one.sigma_s) for one in alone]).T
-    information = float(np.sum(sigma_s**-2))
-    return TimeOffset(float(sigma_s**-2 @ time_offset_s) / information, information**-0.5)
+    """Return what poses and displacements say together without the prior, under which both are given."""
+    by_poses = without_prior(found, prior)
+    if by_displacements is None:
+        return by_poses
+    return with_prior(by_poses, without_prior(by_displacements, prior))
 
 
 def _same_side(suspected: TimeOffset, found: TimeOffset, prior: TimeOffset) -> bool:
