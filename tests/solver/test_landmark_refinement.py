@@ -12,6 +12,7 @@ from vgps.solver.cost import camera_points, pixel_errors, video_cost
 from vgps.solver.equations import chunks
 from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.landmark_refinement import (
+    along_rays,
     anchor_frames,
     landmark_costs,
     move_with_frames,
@@ -59,8 +60,8 @@ def test_landmark_is_refined_to_its_triangulation_and_the_others_stay():
     which = np.arange(len(away)) == one
     start = replace(problem, world_p_landmark=away)
     structure = analyse_sparsity(problem)
-    nearer, gain = refine_landmarks(start, which, structure)
-    found, _ = refine_landmarks(replace(start, world_p_landmark=nearer), which, structure)
+    nearer, gain = refine_landmarks(start, which, structure, start.world_p_landmark)
+    found, _ = refine_landmarks(replace(start, world_p_landmark=nearer), which, structure, nearer)
     rows = problem.landmark == one
     views = problem.world_T_camera[problem.frame[rows]]
     best, _ = triangulate(MATRIX, views, problem.uv_px[rows], np.array([0]), iterations=10)
@@ -76,42 +77,93 @@ def test_cost_of_a_refined_landmark_never_rises():
     )
     start = replace(problem, world_p_landmark=away)
     structure = analyse_sparsity(problem)
-    found, gain = refine_landmarks(start, np.ones(len(away), dtype=bool), structure)
+    found, gain = refine_landmarks(start, np.ones(len(away), dtype=bool), structure, away)
     before, after = landmark_costs(start, structure, start.world_p_landmark, found)
     assert (after <= before + 1e-9).all() and after.sum() < 0.8 * before.sum()
     assert gain == pytest.approx(before.sum() - after.sum(), rel=1e-9)
+
+
+def test_the_better_start_of_a_landmark_counts():
+    problem, _ = drive(20, 200, seed=2)
+    structure, every, seen = analyse_sparsity(problem), np.ones(200, dtype=bool), np.unique(problem.landmark)
+    near, far = problem.world_p_landmark, problem.world_p_landmark + 1e4
+    away = replace(problem, world_p_landmark=far)
+    found, mended = (
+        refine_landmarks(problem, every, structure, far),
+        refine_landmarks(away, every, structure, near),
+    )
+    np.testing.assert_array_equal(found[0][seen], mended[0][seen])
+    assert mended[1] > found[1] > 0.0
 
 
 @pytest.mark.parametrize("made", [drive(20, 200, seed=2)[0], rolling_drive()[0]], ids=["global", "rolling"])
 def test_many_landmarks_are_refined_chunk_by_chunk_as_all_at_once(monkeypatch, made):
     away = made.world_p_landmark + np.random.default_rng(0).normal(0.0, 3.0, made.world_p_landmark.shape)
     start, which = replace(made, world_p_landmark=away), np.arange(len(away)) % 3 > 0
-    at_once = refine_landmarks(start, which, analyse_sparsity(made))
+    other = np.where(np.arange(len(away))[:, None] % 2 > 0, made.world_p_landmark, away)
+    at_once = refine_landmarks(start, which, analyse_sparsity(made), other)
     monkeypatch.setattr(chunks, "CHUNK_OBSERVATIONS", 100)
     monkeypatch.setattr(landmark_refinement, "CHUNK_OBSERVATIONS", 100)
     structure = analyse_sparsity(made)
     assert len(structure.chunks) > 3
-    first = refine_landmarks(start, which, replace(structure, chunks=structure.chunks[:1]))[0]
+    first = refine_landmarks(start, which, replace(structure, chunks=structure.chunks[:1]), other)[0]
     moved, there = np.any(first != away, axis=1), np.isin(np.arange(len(away)), structure.chunks[0].landmarks)
     assert moved.any() and not moved[~there].any()
-    by_chunk = refine_landmarks(start, which, structure)
+    by_chunk = refine_landmarks(start, which, structure, other)
     np.testing.assert_allclose(by_chunk[0], at_once[0], rtol=1e-9)
     assert by_chunk[1] == pytest.approx(at_once[1], rel=1e-9) and at_once[1] > 0.0
     assert (by_chunk[0][~which] == away[~which]).all()
 
 
 @pytest.mark.slow
-def test_a_few_bad_landmarks_do_not_hold_back_the_poses():
-    """Landmarks a hundred times too far along their rays: the linear model of their depth is useless."""
+@pytest.mark.parametrize("farther", [0.1, 100.0, 1000.0])
+def test_a_few_bad_landmarks_do_not_hold_back_the_poses(farther):
+    """Landmarks much too near or too far along their rays: a linear model of their position is useless."""
     problem, _ = drive(40, 400, seed=3, disturbed=0.5)
     bad = np.arange(0, 400, 20)
     away = problem.world_p_landmark.copy()
     eye = problem.world_T_camera[anchor_frames(problem)[bad], :3, 3]
-    away[bad] = eye + 100.0 * (away[bad] - eye)
+    away[bad] = eye + farther * (away[bad] - eye)
     clean, spoilt = solve(problem), solve(replace(problem, world_p_landmark=away))
     moved = spoilt.problem.world_T_camera[:, :3, 3] - clean.problem.world_T_camera[:, :3, 3]
     assert np.linalg.norm(moved, axis=1).max() < 1e-3
-    assert spoilt.report.iterations <= 5 * clean.report.iterations
+    assert spoilt.report.iterations <= clean.report.iterations + 3
+
+
+@pytest.mark.parametrize(
+    ("step", "after"),
+    [
+        ([0.0, 0.0, 5.0], [0.0, 0.0, 20.0]),  # half the inverse distance
+        ([0.0, 0.0, -10.0], [0.0, 0.0, 5.0]),  # twice; the linear model leads into the camera
+        ([0.0, 0.0, -90.0], [0.0, 0.0, 1.0]),  # ten times; it leads far behind it
+        ([0.0, 0.0, 10.0], [0.0, 0.0, 100.0]),  # none at all: at most ten times as far
+        ([0.0, 0.0, 1e6], [0.0, 0.0, 100.0]),
+        ([10.0, 0.0, 0.0], [np.sqrt(50.0), 0.0, np.sqrt(50.0)]),  # another direction, as far as before
+    ],
+)
+def test_steps_are_of_direction_and_inverse_distance(step, after):
+    """Of a point ten metres ahead, from a frame that moves by (1, 2, 3) itself."""
+    eye, moved = np.eye(4)[None], np.eye(4)[None]
+    moved[0, :3, 3] = [1.0, 2.0, 3.0]
+    points, relative = np.array([[0.0, 0.0, 10.0]]), np.array([step]) + moved[:, :3, 3]
+    stepped = along_rays(points, relative, eye, moved, np.array([0]))
+    np.testing.assert_allclose(stepped[0] - moved[0, :3, 3], after, atol=1e-12)
+
+
+def test_short_steps_are_those_of_the_linear_model():
+    rng = np.random.default_rng(0)
+    problem, poses = drive(20, 200, seed=1)
+    after = poses.copy()
+    after[:, :3, 3] += 1e-4 * rng.normal(size=(20, 3))
+    points, step = problem.world_p_landmark, 1e-4 * rng.normal(size=(200, 3))
+    stepped = along_rays(points, step, poses, after, anchor_frames(problem))
+    np.testing.assert_allclose(stepped, points + step, atol=1e-7)
+
+
+def test_a_point_in_the_centre_of_its_frame_stays_finite():
+    eye = np.eye(4)[None]
+    stepped = along_rays(np.zeros((1, 3)), np.ones((1, 3)), eye, eye, np.array([0]))
+    np.testing.assert_allclose(stepped, 0.0, atol=1e-12)
 
 
 def test_bad_steps_are_replaced_by_the_motion_of_the_frames():

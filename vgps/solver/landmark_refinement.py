@@ -24,6 +24,7 @@ from vgps.solver.problem import BundleProblem
 _MIN_LOSS = 1e-3  # a landmark is refined by itself if a step raises its cost by more
 _START_DAMPING = 1e-3  # relative to the diagonal
 _ITERATIONS = 4  # enough for three unknowns; the next common step refines the landmark further
+_MOST_FARTHER = 10.0  # times as far after a step, at most: the linear model also leads beyond infinity
 
 
 def anchor_frames(problem: BundleProblem) -> IntArray:
@@ -79,7 +80,9 @@ def step_landmarks(
     step: FloatArray,
     structure: SparsityStructure,
 ) -> tuple[FloatArray, float]:
-    """Move each landmark by its step or, if that is worse, with its anchor frame, then refine it by itself.
+    """Move each landmark by its step or, if that is worse, with its anchor frame or along its ray.
+
+    Those are then refined by themselves.
 
     Args:
         problem: Poses after the step, landmarks before it.
@@ -94,23 +97,52 @@ def step_landmarks(
     poses, points = problem.world_T_camera, problem.world_p_landmark
     stepped = points + step
     carried = move_with_frames(points, before.world_T_camera, poses, anchor)
+    turned = along_rays(points, step, before.world_T_camera, poses, anchor)
     cost, cost_carried = landmark_costs(problem, structure, stepped, carried)
     worse = cost > cost_carried  # false of NaN, whose total then rejects the whole step
     gap = np.where(worse, cost - cost_carried, 0.0)
     best = np.where(worse[:, None], carried, stepped)
-    refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS, structure)
+    refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS, structure, turned)
     return refined, float(np.where(worse, cost_carried, cost).sum()) - gain
 
 
+def along_rays(
+    points: FloatArray, step: FloatArray, before: FloatArray, after: FloatArray, anchor: IntArray
+) -> FloatArray:
+    """Return points (L, 3) after steps that are linear in direction and inverse distance from their frames.
+
+    Pixels of a distant point are nearly linear in these, by no means in its position: the linear model may
+    move a landmark at 20 km by a thousand. What a landmark cannot follow is promised again in every
+    iteration, and hides by how much the others gain. To first order these steps are straight.
+
+    Args:
+        points: (L, 3) before the step.
+        step: (L, 3) of the linear model, metres.
+        before, after: (F, 4, 4) world_T_camera.
+        anchor: (L,) frame from which each distance counts.
+    """
+    centre, moved = before[:, :3, 3][anchor], after[:, :3, 3][anchor]
+    ray = points - centre
+    relative = step + centre - moved
+    squared = np.maximum(np.sum(ray**2, axis=1), np.finfo(float).tiny)
+    nearer = 1.0 - np.sum(relative * ray, axis=1) / squared  # inverse distance, over that before
+    direction = ray * nearer[:, None] + relative  # of the distance before, to first order
+    norm = np.maximum(np.linalg.norm(direction, axis=1), np.finfo(float).tiny)
+    distance = np.sqrt(squared) / np.maximum(nearer, 1.0 / _MOST_FARTHER)
+    moved_along: FloatArray = moved + direction * (distance / norm)[:, None]
+    return moved_along
+
+
 def refine_landmarks(
-    problem: BundleProblem, which: BoolArray, structure: SparsityStructure
+    problem: BundleProblem, which: BoolArray, structure: SparsityStructure, other: FloatArray
 ) -> tuple[FloatArray, float]:
     """Refine landmarks by a few damped steps of their own; the cost of none of them rises.
 
     Args:
-        problem: The poses, and the start of the landmarks.
+        problem: The poses, and a start of each landmark.
         which: (L,) landmarks to refine.
         structure: Structure of the problem; many landmarks are refined chunk by chunk, to save memory.
+        other: (L, 3) another start of each landmark; the better one counts.
 
     Returns:
         All landmarks (L, 3), and the decrease of the cost.
@@ -119,7 +151,7 @@ def refine_landmarks(
 
     def refined(part: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
         here = part.moved(problem.world_T_camera, problem.world_p_landmark)
-        return _refined(here.select_observations(np.flatnonzero(which[part.landmark])))
+        return _refined(here.select_observations(np.flatnonzero(which[part.landmark])), other)
 
     few = np.count_nonzero(which[problem.landmark]) <= CHUNK_OBSERVATIONS
     by_chunk = map_in_order(lambda chunk: refined(chunk.problem), structure.chunks)
@@ -129,7 +161,7 @@ def refine_landmarks(
     return points, float(before.sum()) - float(after.sum())
 
 
-def _refined(problem: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
+def _refined(problem: BundleProblem, other: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the observed landmarks (m,), their refined points (m, 3) and costs (2, m) before and after."""
     landmarks, landmark = numbered(problem.landmark)
     points = problem.world_p_landmark[landmarks]
@@ -137,8 +169,9 @@ def _refined(problem: BundleProblem) -> tuple[IntArray, FloatArray, FloatArray]:
         return landmarks, points, np.zeros((2, 0))
     problem = replace(problem, landmark=landmark, world_p_landmark=points).by_view()  # its poses stay, too
     chunk, damping = _chunk_of(problem), np.full(len(points), _START_DAMPING)
-    (cost,) = _chunk_costs(problem, chunk, [points])
-    start = cost.copy()
+    start, cost_other = _chunk_costs(problem, chunk, [points, other[landmarks]])
+    points = np.where((cost_other < start)[:, None], other[landmarks], points)
+    cost = np.fmin(start, cost_other)
     for _ in range(_ITERATIONS):
         linear = linearise_chunk(problem.moved(problem.world_T_camera, points), chunk)
         factors = factorise_landmarks(linear, damping)
