@@ -25,7 +25,9 @@ from vgps.solution import Solution
 
 _MEASURED = 0.02  # a focal length known to this share is no assumption
 _SHOWN_SHARE = 0.5  # of its prior sigma: the video shows a parameter whose own is smaller
-_STEP_ITERATIONS = 5  # of stage D, doubled in its last round, at most, before each step of the calibration
+# Of stage D, doubled in its last round, at most, before each step of the calibration. Where the last one has
+# not converged, focal lengths may seem to change.
+_STEP_ITERATIONS = 5
 _SETTLED_SHARE = 0.02  # of the angles of a lens: by as much are the turns of its path wrong
 _MOST_RUNS = 5  # of stages A to C by the video alone, until it shows the same lens again
 _PARAMETERS = {"focal": "focal length", "cx": "centre x", "cy": "centre y", "k1": "k1", "k2": "k2"}
