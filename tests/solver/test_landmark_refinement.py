@@ -12,8 +12,8 @@ from vgps.solver.cost import camera_points, pixel_errors, video_cost
 from vgps.solver.equations import chunks
 from vgps.solver.equations.elimination import analyse_sparsity
 from vgps.solver.landmark_refinement import (
-    along_rays,
     anchor_frames,
+    inverse_distance_step,
     landmark_costs,
     move_with_frames,
     refine_landmarks,
@@ -146,7 +146,7 @@ def test_steps_are_of_direction_and_inverse_distance(step, after):
     eye, moved = np.eye(4)[None], np.eye(4)[None]
     moved[0, :3, 3] = [1.0, 2.0, 3.0]
     points, relative = np.array([[0.0, 0.0, 10.0]]), np.array([step]) + moved[:, :3, 3]
-    stepped = along_rays(points, relative, eye, moved, np.array([0]))
+    stepped = inverse_distance_step(points, relative, eye, moved, np.array([0]))
     np.testing.assert_allclose(stepped[0] - moved[0, :3, 3], after, atol=1e-12)
 
 
@@ -156,13 +156,13 @@ def test_short_steps_are_those_of_the_linear_model():
     after = poses.copy()
     after[:, :3, 3] += 1e-4 * rng.normal(size=(20, 3))
     points, step = problem.world_p_landmark, 1e-4 * rng.normal(size=(200, 3))
-    stepped = along_rays(points, step, poses, after, anchor_frames(problem))
+    stepped = inverse_distance_step(points, step, poses, after, anchor_frames(problem))
     np.testing.assert_allclose(stepped, points + step, atol=1e-7)
 
 
 def test_a_point_in_the_centre_of_its_frame_stays_finite():
     eye = np.eye(4)[None]
-    stepped = along_rays(np.zeros((1, 3)), np.ones((1, 3)), eye, eye, np.array([0]))
+    stepped = inverse_distance_step(np.zeros((1, 3)), np.ones((1, 3)), eye, eye, np.array([0]))
     np.testing.assert_allclose(stepped, 0.0, atol=1e-12)
 
 

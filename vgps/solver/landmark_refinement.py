@@ -80,9 +80,10 @@ def step_landmarks(
     step: FloatArray,
     structure: SparsityStructure,
 ) -> tuple[FloatArray, float]:
-    """Move each landmark by its step or, if that is worse, with its anchor frame or along its ray.
+    """Move each landmark by its step or, if that is worse, with its anchor frame.
 
-    Those are then refined by themselves.
+    Where it is clearly worse, the step in direction and inverse distance is tried as well, and the landmark
+    refined by itself.
 
     Args:
         problem: Poses after the step, landmarks before it.
@@ -97,22 +98,22 @@ def step_landmarks(
     poses, points = problem.world_T_camera, problem.world_p_landmark
     stepped = points + step
     carried = move_with_frames(points, before.world_T_camera, poses, anchor)
-    turned = along_rays(points, step, before.world_T_camera, poses, anchor)
+    by_inverse = inverse_distance_step(points, step, before.world_T_camera, poses, anchor)
     cost, cost_carried = landmark_costs(problem, structure, stepped, carried)
     worse = cost > cost_carried  # false of NaN, whose total then rejects the whole step
     gap = np.where(worse, cost - cost_carried, 0.0)
     best = np.where(worse[:, None], carried, stepped)
-    refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS, structure, turned)
+    refined, gain = refine_landmarks(problem.moved(poses, best), gap > _MIN_LOSS, structure, by_inverse)
     return refined, float(np.where(worse, cost_carried, cost).sum()) - gain
 
 
-def along_rays(
+def inverse_distance_step(
     points: FloatArray, step: FloatArray, before: FloatArray, after: FloatArray, anchor: IntArray
 ) -> FloatArray:
     """Return points (L, 3) after steps that are linear in direction and inverse distance from their frames.
 
     Pixels of a distant point are nearly linear in these, by no means in its position: the linear model may
-    move a landmark at 20 km by a thousand. What a landmark cannot follow is promised again in every
+    move a landmark at 20 km by thousands. What a landmark cannot follow is promised again in every
     iteration, and hides by how much the others gain. To first order these steps are straight.
 
     Args:
@@ -129,8 +130,7 @@ def along_rays(
     direction = ray * nearer[:, None] + relative  # of the distance before, to first order
     norm = np.maximum(np.linalg.norm(direction, axis=1), np.finfo(float).tiny)
     distance = np.sqrt(squared) / np.maximum(nearer, 1.0 / _MOST_FARTHER)
-    moved_along: FloatArray = moved + direction * (distance / norm)[:, None]
-    return moved_along
+    return np.asarray(moved + direction * (distance / norm)[:, None])
 
 
 def refine_landmarks(
@@ -169,8 +169,9 @@ def _refined(problem: BundleProblem, other: FloatArray) -> tuple[IntArray, Float
         return landmarks, points, np.zeros((2, 0))
     problem = replace(problem, landmark=landmark, world_p_landmark=points).by_view()  # its poses stay, too
     chunk, damping = _chunk_of(problem), np.full(len(points), _START_DAMPING)
-    start, cost_other = _chunk_costs(problem, chunk, [points, other[landmarks]])
-    points = np.where((cost_other < start)[:, None], other[landmarks], points)
+    other = other[landmarks]
+    start, cost_other = _chunk_costs(problem, chunk, [points, other])
+    points = np.where((cost_other < start)[:, None], other, points)
     cost = np.fmin(start, cost_other)
     for _ in range(_ITERATIONS):
         linear = linearise_chunk(problem.moved(problem.world_T_camera, points), chunk)

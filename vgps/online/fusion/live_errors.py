@@ -11,8 +11,8 @@ It says how far the path may lie from the next such fixes.
 
 RTK-fixes keep the constants of their class, since every path follows them; so do noise and walk of classes
 whose errors drift steadily for longer, which steps from fix to fix do not show. How long a rate lasts is that
-of the mean receiver. RTK-fixes that were
-down-classed count as floats, but show nothing of the receiver's floats.
+of the mean receiver. RTK-fixes that were down-classed count as floats, but show nothing of the receiver's
+floats.
 """
 
 from collections.abc import Mapping
