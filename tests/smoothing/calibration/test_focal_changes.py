@@ -15,9 +15,8 @@ from vgps.smoothing.calibration.focal_changes import (
     FocalEquations,
     changes_of,
     focal_equations,
+    gain_of_pictures,
     is_clear,
-    of_pictures_alone,
-    pictures_contradict,
     without_change,
 )
 from vgps.smoothing.calibration.parameter_step import ParameterPrior
@@ -33,15 +32,46 @@ T_S = np.arange(40) / 5.0
 def solved(log_ratio: np.ndarray, late: float = 0.0) -> BundleProblem:
     """The optimum of a drive whose pictures grow by changes (F,), with fixes late by turns, in frames."""
     problem, poses = synthetic_bundle.drive(disturbed=0.0)
-    centre, graph = np.array([CX, CY]), synthetic_bundle.pose_factors(poses, np.random.default_rng(0))
+    graph = synthetic_bundle.pose_factors(poses, np.random.default_rng(0))
     antenna_m = poses[:, :3, 3] + poses[:, :3, :3] @ synthetic_bundle.ANTENNA
     for frame in range(2, len(poses) - 3, 4):
         at = np.array([frame + late * np.sin(frame)])
         place_m = interpolate_vectors(np.arange(len(poses)), antenna_m, at)[0]
         graph.add(synthetic_bundle.antenna_fix(frame, 0.0, place_m, 0.01))
-    uv_px = centre + (problem.uv_px - centre) * np.exp(log_ratio[problem.frame])[:, None]
+    uv_px = grown(problem.uv_px, log_ratio[problem.frame])
     changed = replace(problem, uv_px=uv_px, sigma_px=np.full(len(uv_px), 0.5), pose_graph=graph)
     return solve(changed, synthetic_bundle.TIGHT).problem
+
+
+def solved_above_plane(log_ratio: np.ndarray) -> BundleProblem:
+    """The optimum of a flight 50 m above a plane, which it sees straight below, with RTK-fixes."""
+    rng, poses = np.random.default_rng(0), np.tile(np.eye(4), (len(T_S), 1, 1))
+    poses[:, 0, 3], poses[:, 1, 3] = 3.0 * np.arange(len(poses)), np.sin(T_S)
+    place = rng.uniform((-30.0, -20.0, 50.0), (3.0 * len(poses) + 30.0, 20.0, 50.0), (400, 3))
+    seen = [synthetic_bundle.visible(poses, one, 0, len(poses) - 1) for one in place]
+    counts, graph = [len(frames) for frames, _ in seen], synthetic_bundle.pose_factors(poses, rng)
+    for frame in range(0, len(poses) - 1, 4):
+        antenna_m = poses[frame, :3, 3] + synthetic_bundle.ANTENNA + rng.normal(0.0, 0.02, 3)
+        graph.add(synthetic_bundle.antenna_fix(frame, 0.0, antenna_m, 0.02))
+    frame, uv_px = np.concatenate([frames for frames, _ in seen]), np.concatenate([uv for _, uv in seen])
+    uv_px = uv_px + rng.normal(0.0, 0.5, uv_px.shape)
+    problem = BundleProblem(
+        K=synthetic_bundle.K,
+        world_T_camera=poses,
+        world_p_landmark=place,
+        frame=frame,
+        landmark=np.repeat(np.arange(len(place)), counts),
+        uv_px=grown(uv_px, log_ratio[frame]),
+        sigma_px=np.full(len(frame), 0.5),
+        pose_graph=graph,
+    )
+    return solve(problem, synthetic_bundle.TIGHT).problem
+
+
+def grown(uv_px: np.ndarray, log_ratio: np.ndarray) -> np.ndarray:
+    """Pixels (N, 2) of pictures that grow by changes (N,)."""
+    centre = np.array([CX, CY])
+    return centre + (uv_px - centre) * np.exp(log_ratio)[:, None]
 
 
 def equations_of(problem: BundleProblem) -> FocalEquations:
@@ -67,9 +97,23 @@ def test_pictures_alone_bear_out_a_change_and_contradict_what_late_fixes_ask_for
     zoomed, late = solved(0.01 * np.sin(T_S)), solved(np.zeros(len(T_S)), late=1.5)
     for problem, sign in ((zoomed, 1.0), (late, -1.0)):
         found, evidence = equations_of(problem).likeliest()
-        assert is_clear(evidence)
-        assert sign * equations_of(of_pictures_alone(problem)).gain(found) > 1.0
-        assert pictures_contradict(found, problem, CAMERA, PRIOR, T_S) == (problem is late)
+        by_pictures = gain_of_pictures(found, problem, CAMERA, PRIOR, T_S)
+        assert is_clear(evidence) and sign * by_pictures > 1.2
+        assert is_clear(evidence, by_pictures) == (problem is zoomed)
+
+
+def test_what_pictures_hardly_show_has_to_be_clearer():
+    assert is_clear(5.0, 2.0) and is_clear(5.0)
+    assert not is_clear(5.0, 0.5) and not is_clear(4.0, 2.0)
+    assert is_clear(9.5, 0.5) and not is_clear(9.5, -2.0)
+
+
+def test_above_flat_ground_fixes_alone_show_a_change():
+    """Pictures straight down show a motion up and down as well."""
+    problem = solved_above_plane(0.02 * np.sin(T_S))
+    found, evidence = equations_of(problem).likeliest()
+    by_pictures = gain_of_pictures(found, problem, CAMERA, PRIOR, T_S)
+    assert abs(by_pictures) < 0.2 and is_clear(evidence, by_pictures)
 
 
 def test_the_evidence_is_that_of_all_changes_weighed_by_their_prior():

@@ -3,7 +3,8 @@
 Their logarithm is a chain of knots: it walks at random, and is drawn back to the mean within seconds. How far
 it walks is what makes the observations likeliest, with poses, landmarks and calibration integrated out (the
 linearised problem is Gaussian). Without a walk the focal length stays: by how much less likely that is
-decides whether it changes at all. Fixes at wrong times ask for changes, too; those the pictures contradict.
+decides whether it changes at all. Fixes whose errors are not as modelled ask for changes, too; those the
+pictures contradict, or at least do not bear out.
 """
 
 from collections.abc import Iterator
@@ -26,6 +27,7 @@ _MOST_KNOTS = 200  # each is a column beside all poses
 _WALKS = np.geomspace(5e-4, 0.2, 14)  # of log focal length in a second: from what no video shows to a zoom
 _DRAWN_BACK = 3.0  # standard deviation of log focal length over its walk in a second
 _CLEAR = np.log(100.0)  # by so much likelier, and the focal length changes
+_CLEAR_BY_FIXES = 2.0 * _CLEAR  # where pictures alone, as of flat ground straight below, hardly show it
 _NOTABLE = 0.5 * np.log(10.0)  # a smaller difference is not worth more than a bare mention (Jeffreys)
 
 
@@ -63,9 +65,16 @@ class FocalEquations:
         return change, float(0.5 * (logs[0] - logs[1] - self.gradient @ change))
 
 
-def is_clear(evidence: float) -> bool:
-    """Whether the focal length changes, by the log of how much likelier that is."""
-    return bool(evidence > _CLEAR)
+def is_clear(evidence: float, by_pictures: float = np.inf) -> bool:
+    """Whether the focal length changes.
+
+    Args:
+        evidence: The log of how much likelier that is.
+        by_pictures: The same of the pictures alone; infinite if it is known to change.
+    """
+    if abs(by_pictures) < _NOTABLE:
+        return bool(evidence > _CLEAR_BY_FIXES)
+    return bool(by_pictures > 0.0 and evidence > _CLEAR)
 
 
 def focal_equations(
@@ -114,10 +123,10 @@ def of_pictures_alone(problem: BundleProblem) -> BundleProblem:
     return replace(problem, pose_graph=gtsam.NonlinearFactorGraph(), shared={}, states={})
 
 
-def pictures_contradict(
+def gain_of_pictures(
     log_ratio: FloatArray, problem: BundleProblem, camera: Camera, prior: ParameterPrior, t_s: FloatArray
-) -> bool:
-    """Whether the pictures alone are notably less likely with a change (K,) than with none.
+) -> float:
+    """Return the log of how much likelier the pictures alone are with a change (K,) than with none.
 
     Args:
         log_ratio: At the knots of :func:`focal_equations`.
@@ -126,7 +135,7 @@ def pictures_contradict(
     Raises:
         NotPositiveDefiniteError: The pictures do not determine the poses.
     """
-    return bool(focal_equations(of_pictures_alone(problem), camera, prior, t_s).gain(log_ratio) < -_NOTABLE)
+    return focal_equations(of_pictures_alone(problem), camera, prior, t_s).gain(log_ratio)
 
 
 def changes_of(equations: FocalEquations, log_ratio: FloatArray, camera: Camera) -> FocalChanges:

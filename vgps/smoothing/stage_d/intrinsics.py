@@ -19,8 +19,8 @@ from vgps.smoothing.calibration.camera_equations import changed_camera, linearis
 from vgps.smoothing.calibration.focal_changes import (
     changes_of,
     focal_equations,
+    gain_of_pictures,
     is_clear,
-    pictures_contradict,
     without_change,
 )
 from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterStep, parameter_step
@@ -135,7 +135,7 @@ def _focal_changes(
 ) -> FocalChanges | None:
     """Return changes of the focal length, if a rough solution shows them clearly, by further ones.
 
-    Changes that the pictures alone contradict are none.
+    Changes that pictures alone contradict are none, and those that they hardly show have to be clearer.
     """
     camera, scene, problem = replace(rough.refined.camera, readout_s=None), rough.scene, rough.problem
     believed, found = _believed(camera, prior.allowing(camera.focal_changes)), None
@@ -150,7 +150,7 @@ def _focal_changes(
             changes = changes_of(equations, done + step, camera)
             if found is None and (
                 _is_another_lens(camera, prior, changes)
-                or pictures_contradict(step, problem, camera, believed, scene.t_s)
+                or not is_clear(evidence, gain_of_pictures(step, problem, camera, believed, scene.t_s))
             ):
                 break
             found = changes
