@@ -30,6 +30,7 @@ from vgps.smoothing.stage_d.sensor_steps import least_cost_step
 # Standard deviations from the configured time offset that make a trial worth while. Poses that were held to
 # it have bent to the fixes, and suggest a part of what a trial finds; whether that is chance is decided then.
 _SUSPECT = 1.0
+_PART = 0.5  # of it at least
 _MOSTLY = 0.5  # of the fixes
 _DOUBTED = 2.0  # times less is left open by the poses than by displacements: is that so?
 _END_SIGMAS = 2.0  # of what displacements leave open, where the poses are asked
@@ -189,10 +190,9 @@ def _tried(
     """Return the round with a time offset that may be chance; None if there is none, or if it is."""
     start, before = sensors.prior_time_offset, sensors.probability
     if not start.sigma_s:
-        start, before = shown, 0.5
-        chance_s = float(np.hypot(settings.trusted_time_offset_s, start.sigma_s))
-        if abs(start.time_offset_s - settings.time_offset_s) < _SUSPECT * chance_s:
+        if not _is_worth_a_trial(sensors, shown, settings):
             return None
+        start, before = shown, 0.5
     prior = TimeOffset.from_config(settings)
     trial = replace(sensors.with_time_offset(start), prior_time_offset=prior, shown_by_poses=True)
     tried = solve(trial)
@@ -213,6 +213,17 @@ def _tried(
     moved_s = trial.moved(tried.result.problem.shared).time_offset_s - trial.time_offset_s
     held = sensors.with_time_offset(found, likely / (likely + chance))
     return replace(held, time_offset_s=found.time_offset_s - moved_s), tried
+
+
+def _is_worth_a_trial(sensors: Sensors, shown: TimeOffset, settings: SensorsConfig) -> bool:
+    """Return whether a trial may find a time offset that counts, by what poses suggest before it."""
+    prior, trusted_s = TimeOffset.from_config(settings), settings.trusted_time_offset_s
+    away_s = shown.time_offset_s - prior.time_offset_s
+    if abs(away_s) < _SUSPECT * np.hypot(trusted_s, shown.sigma_s):
+        return False
+    most = replace(shown, time_offset_s=prior.time_offset_s + away_s / _PART)
+    _, probability = model_average(_both(most, sensors.by_displacements, prior), prior, trusted_s)
+    return probability >= 0.5
 
 
 def _both(found: TimeOffset, by_displacements: TimeOffset | None, prior: TimeOffset) -> TimeOffset:
