@@ -154,3 +154,9 @@ def independent_epochs(fixes: Fixes) -> FloatArray:
 def seconds_after(fixes: Fixes) -> FloatArray:
     """Return the time (M,) from the fix before to each, at most a second, as for the first."""
     return np.asarray(np.clip(np.diff(fixes.t_s, prepend=-np.inf), 0.0, 1.0))
+
+
+def one_per_interval(t_s: FloatArray, interval_s: float) -> IntArray:
+    """Return the rows of fixes (M,) that are the first of their interval, counted from the first fix."""
+    interval = np.floor((t_s - t_s[:1]) / interval_s + 1e-3)
+    return np.flatnonzero(np.diff(interval, prepend=-1.0) > 0)

@@ -143,12 +143,17 @@ def contradictions(table: FixTable, fix_class: Sequence[FixClass]) -> tuple[str,
     return tuple(found)
 
 
+def are_refused(table: FixTable, fix_class: Sequence[FixClass]) -> BoolArray:
+    """Return whether each fix (M,) was refused, as is an RTK-fix that counts as one of the class below."""
+    names, verdicts = np.array(fix_class, dtype=str), np.array(table.verdict, dtype=str)
+    down_classed = (verdicts == Verdict.DOWN_CLASSED) & (names == FixClass.RTK_FIX)
+    return np.asarray((verdicts == Verdict.REJECTED) | down_classed)
+
+
 def refusals(
     table: FixTable, fix_class: Sequence[FixClass], t_s: FloatArray, conflicts: Iterable[FixConflict] = ()
 ) -> tuple[str, ...]:
     """Return a warning for each class of which fixes in a row were refused: the video may be wrong instead.
-
-    An RTK-fix is refused where it counts as one of the class below, too.
 
     Args:
         table: Verdicts and residuals of the fixes (M,).
@@ -157,8 +162,7 @@ def refusals(
         conflicts: Of fixes whose verdicts have warnings of their own.
     """
     names, verdicts = np.array(fix_class, dtype=str), np.array(table.verdict, dtype=str)
-    refused = verdicts == Verdict.REJECTED
-    refused |= (verdicts == Verdict.DOWN_CLASSED) & (names == FixClass.RTK_FIX)
+    refused = are_refused(table, fix_class)
     for conflict in conflicts:
         refused[conflict.wrong] = False
     found = []

@@ -18,7 +18,7 @@ from vgps.errors import GeometryError
 from vgps.gps.antenna_path import place
 from vgps.gps.error_steps import error_steps
 from vgps.gps.fix_conflict import FixConflict, sides
-from vgps.gps.fixes import CLASSES, Fixes
+from vgps.gps.fixes import CLASSES, Fixes, one_per_interval
 from vgps.gps.outlier_detection import FixAssessment, detects_outliers
 from vgps.gps.verdicts import SURE
 from vgps.model import BoolArray, FixClass, FloatArray, IntArray
@@ -93,7 +93,7 @@ def _conflict(
     fixes = video.fixes
     if good.sum() > good[stretch].sum():
         stretch = stretch[good[stretch]]
-    compared = stretch[_thinned(fixes.t_s[stretch])]
+    compared = stretch[one_per_interval(fixes.t_s[stretch], _INTERVAL_S)]
     if len(compared) < _LEAST_FIXES or (differing := _differing(video, compared)) is None:
         return None
     is_right, error, otherwise_m, probability = differing
@@ -157,12 +157,6 @@ def _like_compared(video: "_Video", stretch: IntArray, compared: IntArray, right
         edge = rows[np.argmax(size)]
         side[between] = np.where(stretch[between] < edge, before, before + 1) if size.any() else -1
     return side
-
-
-def _thinned(t_s: FloatArray) -> IntArray:
-    """Return the rows of fixes (n,) that are the first of their interval."""
-    interval = np.floor((t_s - t_s[:1]) / _INTERVAL_S + 1e-3)
-    return np.flatnonzero(np.diff(interval, prepend=-1.0) > 0)
 
 
 def _alike(level: FloatArray, fixes: Fixes) -> BoolArray:
