@@ -187,6 +187,8 @@ def cases(recording: Recording, true: FloatArray) -> Iterator[Case]:
         ("focus that breathes by 1 %", order, breathing(camera, 0.01, 7.0)),
         ("focus that breathes by 2 %", order, breathing(camera, 0.02, 7.0)),
         ("zoom of 1.1 in 2 s", order, zoomed(camera, 1.1, 6.0, 8.0)),
+        ("zoom of 1.3 in 2 s", order, zoomed(camera, 1.3, 6.0, 8.0)),
+        ("zoom of 2 in 2 s", order, zoomed(camera, 2.0, 6.0, 8.0)),
     ):
         picture, first = np.unique(shown, return_index=True)
         yield Case(name, shown_at(recording, (shown, at_s), change), first, true[picture])

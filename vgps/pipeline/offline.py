@@ -7,6 +7,7 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GeometryError
+from vgps.gps.astray_video import astray_note, left_by_the_video
 from vgps.gps.fixes import Fixes
 from vgps.gps.sky_view import under_sky
 from vgps.model import Recording
@@ -73,6 +74,7 @@ def smooth(
                 solution = replace(solution, warnings=(*solution.warnings, note))
                 break
         solution = _with_one_focal_length(solution, run, progress)
+        solution = _with_believed_fixes(solution, run, progress)
     # a resumed run has the seconds of stages that an earlier process ran
     rest_s = max(timer.by_stage["all"] - sequential_seconds(solution.seconds), 0.0)
     seconds = {**solution.seconds, "rest": rest_s}
@@ -121,6 +123,24 @@ def _with_one_focal_length(solution: Solution, run: _Run, progress: Progress) ->
         if not refuses_more(solution, best):
             best = solution
     return first if best is not first and fits_worse(best, first) else best
+
+
+def _with_believed_fixes(solution: Solution, run: _Run, progress: Progress) -> Solution:
+    """Return the solution of a run that refuses no fix if this one's video went astray from some."""
+    log, table = solution.gps, solution.fixes
+    if log is None or table is None:
+        return solution
+    left = left_by_the_video(table, log.fix_class, log.t_s)
+    if not len(left):
+        return solution
+    progress.stage("again with all fixes believed, as the video went astray")
+    outliers = run.config.outliers.model_copy(update={"enabled": False})
+    believing = run.config.model_copy(update={"outliers": outliers})
+    try:
+        again, _ = _smoothed(_Run(run.recording, believing), progress)
+    except (GeometryError, np.linalg.LinAlgError):  # the run before had a path
+        return solution
+    return replace(again, warnings=(astray_note(left, table, log.t_s), *again.warnings))
 
 
 def _smoothed(
