@@ -57,7 +57,7 @@ def astray_note(rows: IntArray, table: FixTable, t_s: FloatArray) -> str:
 
 
 def _is_another_error(table: FixTable, rows: IntArray) -> BoolArray:
-    """Return whether each fix (n,) but the first errs by a region more or less than the one before it."""
+    """Return whether each fix (n,) but the first errs by over a region otherwise than the one before it."""
     step, r, h = np.diff(table.residual_m[rows], axis=0), table.r_m[rows], table.h_m[rows]
     plane, height = np.hypot(step[:, 0], step[:, 1]), np.abs(step[:, 2])
     return np.asarray((plane > np.maximum(r[1:], r[:-1])) | (height > np.maximum(h[1:], h[:-1])))
