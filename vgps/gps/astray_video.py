@@ -1,8 +1,8 @@
 """Fixes that were refused though no receiver errs like that: the video went astray instead.
 
 The errors of a receiver that solves for carrier phases jump, and stay. Those of a path that leaves the fixes,
-as after a zoom or under electronic stabilisation, change from each fix to the next in one direction, by more
-than a region.
+as after a zoom or under electronic stabilisation, change from each fix to the next in one direction, by much
+the same.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,15 @@ import numpy as np
 
 from vgps.gps.fixes import one_per_interval
 from vgps.gps.verdicts import are_refused
-from vgps.model import BoolArray, FixClass, FloatArray, IntArray
+from vgps.model import FixClass, FloatArray, IntArray
 from vgps.solution import FixTable, Verdict
 
-_FIXES = 5  # in a row: errors at random are straight in one of 40,000 cases, a walk at random in 140
+_FIXES = 5  # in a row
 _INTERVAL_S = 1.0  # between the fixes compared: errors of closer ones change too little
 _LONGEST_GAP_S = 5.0  # between them: more may be several jumps
 _STRAIGHT = 0.9  # of the sum of the steps is the distance from the first error to the last
-_LEAST_M = 2.0  # this distance: more than wrong integers, or a receiver that bridges an outage, err within it
+_LARGEST = 0.5  # of this sum is one step at most: with one jump a receiver may err so
+_LEAST_M = 5.0  # this distance, in the plane: RTK-floats drift by a metre in it, and by several in height
 
 
 def left_by_the_video(table: FixTable, fix_class: Sequence[FixClass], t_s: FloatArray) -> IntArray:
@@ -34,12 +35,11 @@ def left_by_the_video(table: FixTable, fix_class: Sequence[FixClass], t_s: Float
     rows = np.flatnonzero(by_phase & (verdicts != Verdict.NOT_USED))
     rows = rows[one_per_interval(t_s[rows], _INTERVAL_S)]
     refused = are_refused(table, fix_class)[rows]
-    changes = refused[1:] & refused[:-1] & _is_another_error(table, rows)
-    changes &= np.diff(t_s[rows]) <= _LONGEST_GAP_S
+    in_row = refused[1:] & refused[:-1] & (np.diff(t_s[rows]) <= _LONGEST_GAP_S)
     begins = [
         first
         for first in range(len(rows) - _FIXES + 1)
-        if changes[first : first + _FIXES - 1].all() and _is_straight(table.residual_m[rows[first:][:_FIXES]])
+        if in_row[first : first + _FIXES - 1].all() and _drifts(table.residual_m[rows[first:][:_FIXES], :2])
     ]
     left = np.add.outer(np.array(begins, dtype=np.int64), np.arange(_FIXES))
     return np.asarray(rows[np.unique(left)])
@@ -56,14 +56,9 @@ def astray_note(rows: IntArray, table: FixTable, t_s: FloatArray) -> str:
     )
 
 
-def _is_another_error(table: FixTable, rows: IntArray) -> BoolArray:
-    """Return whether each fix (n,) but the first errs by over a region otherwise than the one before it."""
-    step, r, h = np.diff(table.residual_m[rows], axis=0), table.r_m[rows], table.h_m[rows]
-    plane, height = np.hypot(step[:, 0], step[:, 1]), np.abs(step[:, 2])
-    return np.asarray((plane > np.maximum(r[1:], r[:-1])) | (height > np.maximum(h[1:], h[:-1])))
-
-
-def _is_straight(error_m: FloatArray) -> bool:
-    """Return whether errors (n, 3) change in one direction, and far."""
-    length_m = np.linalg.norm(np.diff(error_m, axis=0), axis=1).sum()
-    return bool(np.linalg.norm(error_m[-1] - error_m[0]) > max(_STRAIGHT * length_m, _LEAST_M))
+def _drifts(error_m: FloatArray) -> bool:
+    """Return whether errors (n, 2) change far, in one direction and not by a single step."""
+    step_m = np.linalg.norm(np.diff(error_m, axis=0), axis=1)
+    apart_m = np.linalg.norm(error_m[-1] - error_m[0])
+    even = step_m.max() <= _LARGEST * step_m.sum()
+    return bool(even and apart_m > max(_STRAIGHT * step_m.sum(), _LEAST_M))
