@@ -1,8 +1,7 @@
 """Fixes that were refused though no receiver errs like that: the video went astray instead.
 
-The errors of a receiver that solves for carrier phases jump, and stay. Those of a path that leaves the fixes,
-as after a zoom or under electronic stabilisation, change from each fix to the next in one direction, by much
-the same.
+The errors of a receiver that solves for carrier phases jump and stay, or drift slowly. If the path leaves
+right fixes, as after a zoom, the distance between them changes evenly, in one direction, and by metres.
 """
 
 from collections.abc import Sequence
@@ -50,9 +49,9 @@ def astray_note(rows: IntArray, table: FixTable, t_s: FloatArray) -> str:
     apart_m = float(np.linalg.norm(table.residual_m[rows], axis=1).max())
     return (
         f"the video went astray: its path left fixes behind between {t_s[rows[0]]:.1f} and "
-        f"{t_s[rows[-1]]:.1f} s, {apart_m:.1f} m at most, and by another distance from each to the next, as "
-        "no RTK receiver errs. So this run believes all fixes; between them it is poor, and its standard "
-        "deviations are too small. A zoom looks like that, or electronic stabilisation: see vgps inspect"
+        f"{t_s[rows[-1]]:.1f} s, {apart_m:.1f} m at most, evenly, as no errors of an RTK receiver grow. This "
+        "run believes all fixes instead; between them it is poor, and its standard deviations are too small. "
+        "A zoom looks like that: see vgps inspect"
     )
 
 

@@ -156,7 +156,13 @@ def seconds_after(fixes: Fixes) -> FloatArray:
     return np.asarray(np.clip(np.diff(fixes.t_s, prepend=-np.inf), 0.0, 1.0))
 
 
-def one_per_interval(t_s: FloatArray, interval_s: float) -> IntArray:
-    """Return the rows of fixes (M,) that are the first of their interval, counted from the first fix."""
-    interval = np.floor((t_s - t_s[:1]) / interval_s + 1e-3)
-    return np.flatnonzero(np.diff(interval, prepend=-1.0) > 0)
+def one_per_interval(t_s: FloatArray, interval_s: float, first_at: float = 1e-3) -> IntArray:
+    """Return the rows of the fixes that are the first of their interval.
+
+    Args:
+        t_s: (M,) times of the fixes.
+        interval_s: Length of the intervals.
+        first_at: Where in its interval the first fix is, as a share: by default where it begins, rounded.
+    """
+    interval = np.floor((t_s - t_s[:1]) / interval_s + first_at)
+    return np.flatnonzero(np.diff(interval, prepend=-1.0))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 from vgps.config import Config, SensorsConfig
-from vgps.gps.fixes import Fixes
+from vgps.gps.fixes import Fixes, one_per_interval
 from vgps.gps.neighbour_pairs import NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.solution import Trajectory
@@ -128,8 +128,7 @@ def spacing_s(fixes: Fixes) -> float:
 
 def spaced(fixes: Fixes, interval_s: float) -> Fixes:
     """Return the first fix of each interval: errors of closer ones are alike, and would count too much."""
-    number = np.floor((fixes.t_s - fixes.t_s[:1]) / interval_s + 0.5)  # the stamps of 1 Hz in the middle
-    return fixes.where(np.flatnonzero(np.diff(number, prepend=-1.0)))
+    return fixes.where(one_per_interval(fixes.t_s, interval_s, 0.5))  # the stamps of 1 Hz in the middle
 
 
 def model_average(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
