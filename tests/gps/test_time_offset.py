@@ -71,15 +71,16 @@ def test_time_offsets_of_a_grid_are_compared_as_each_by_itself():
 
 
 def test_factors_absorb_as_many_residuals_as_they_are_free_to():
-    """Two factors of 19 s, complex numbers, are four parameters."""
+    """Two factors of 19 s, complex numbers, are four parameters; two of them are common to both."""
 
-    def absorbed(factor_sigma):
-        config = TimeOffsetConfig(factor_sigma=factor_sigma)
+    def absorbed(factor_sigma, common_factor_sigma):
+        config = TimeOffsetConfig(factor_sigma=factor_sigma, common_factor_sigma=common_factor_sigma)
         return neighbour_pairs(trajectory(path(T_S)), late(0.0, wander(0)), NONE, BELIEVED, config).absorbed()
 
-    assert absorbed(0.9) == pytest.approx(4.0, abs=0.01)
-    assert absorbed(1e-6) == pytest.approx(0.0, abs=0.01)
-    assert 0.1 < absorbed(0.01) < 3.9
+    assert absorbed(0.9, 0.0) == pytest.approx(4.0, abs=0.01)
+    assert absorbed(1e-6, 0.0) == pytest.approx(0.0, abs=0.01)
+    assert absorbed(1e-6, 0.9) == pytest.approx(2.0, abs=0.01)
+    assert 0.1 < absorbed(0.01, 0.0) < 3.9 and 2.1 < absorbed(0.01, 0.9) < 3.9
 
 
 @pytest.mark.slow
@@ -126,6 +127,31 @@ def test_jitter_does_not_hide_a_time_offset_that_turns_and_braking_show(seed):
     log = with_jitter(turns_and_braking, seed, late_s=0.3)
     sensors, _ = update_time_offset(SENSORS, *log, SensorsConfig())
     assert sensors.time_offset_s == pytest.approx(0.3, abs=0.015)
+
+
+def once_around(t_s):
+    """Return a walk of half a minute once around a house, at a speed that changes by a tenth."""
+    angle = 0.2 * t_s + 0.05 * np.sin(0.9 * t_s)
+    return 8.0 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(t_s)])
+
+
+def laid_on(camera, fixes):
+    """Return a path in the place, at the heading and the scale that suit the fixes best."""
+    seen = camera.world_T_camera[:, :2, 3] @ [1.0, 1.0j]
+    wanted = fixes.world_p_fix[:, :2] @ [1.0, 1.0j]
+    columns = np.column_stack([np.interp(fixes.t_s, camera.t_s, seen), np.ones(len(fixes))])
+    (factor, origin), *_ = np.linalg.lstsq(columns, wanted, rcond=None)
+    placed = seen * factor + origin
+    return trajectory(np.column_stack([placed.real, placed.imag, np.zeros(len(placed))]), camera.t_s)
+
+
+@pytest.mark.parametrize("late_s", [-0.6, 0.6])
+def test_a_walk_in_a_circle_that_was_laid_on_fixes_of_another_clock_does_not_hide_it(late_s):
+    """The path is turned by what a clock of the camera would turn it by, and the rest tells the clock."""
+    camera, fixes = with_jitter(once_around, 0, late_s)
+    second = fixes.where(np.arange(len(fixes)) % 10 == 0)
+    found = by_differences(laid_on(camera, second), second, NONE, BELIEVED)
+    assert found.sigma_s < 0.05 and abs(found.time_offset_s - late_s) < 3.0 * found.sigma_s
 
 
 @pytest.mark.slow

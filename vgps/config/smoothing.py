@@ -80,6 +80,8 @@ class TimeOffsetConfig(SettingsModel):
     """Errors of the camera's scale and heading change evenly between knots this far apart."""
     factor_sigma: Share = 0.05
     """Prior standard deviation of these errors, as a share and in radians."""
+    common_factor_sigma: NonNegativeFloat = 1.0
+    """That of what they have in common: on a bend, a path laid on fixes of another clock is turned."""
     robust_spreads: PositiveFloat = 2.0
     """Cauchy's constant, in spreads of the differences between the displacements."""
     shown_share: Share = 0.5

@@ -136,7 +136,7 @@ def _of_a_placed_path(config: Config, placing: Fixes) -> Config:
     compared, drift = config.sensors.time_offset, config.gps.memory.path_share
     known = max(information, compared.factor_sigma**-2)
     sigma = min(float(np.hypot(drift, known**-0.5)), compared.factor_sigma)
-    compared = compared.model_copy(update={"factor_sigma": sigma})
+    compared = compared.model_copy(update={"factor_sigma": sigma, "common_factor_sigma": 0.0})
     sensors = config.sensors.model_copy(update={"time_offset": compared})
     return config.model_copy(update={"sensors": sensors})
 

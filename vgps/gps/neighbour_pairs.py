@@ -80,6 +80,11 @@ class NeighbourPairs:
         self._displacement = np.diff(fixes.world_p_fix[:, 0] + 1j * fixes.world_p_fix[:, 1])[self._rows]
         knots = np.linspace(t_s[0], t_s[-1], 2 + int(np.ptp(t_s) / config.knot_s))
         self._knots = Knots(place(knots, fixes.t_s[self._rows]), len(knots))
+        # the inverse of the factors' prior covariance, apart**2 * I + common**2 * 1 1', is
+        # I / apart**2 - shared * 1 1'
+        apart, common = config.factor_sigma**2, config.common_factor_sigma**2
+        self._information_of_one = 1.0 / (apart + len(knots) * common)
+        self._shared = common / apart * self._information_of_one
 
     @property
     def count(self) -> int:
@@ -106,8 +111,11 @@ class NeighbourPairs:
         Bayesian Interpolation, Neural Computation 4, 1992)."""
         fit = self._fitted(0.0)
         band = self._band(fit.displacement, self._weight(fit.difference))
-        covariance = solveh_banded(band, np.eye(self._knots.count))
-        return 2.0 * float(self._knots.count - np.trace(covariance) / self.config.factor_sigma**2)
+        apart = solveh_banded(band, np.eye(self._knots.count))
+        common = apart.sum(axis=0)
+        covariance = apart + self._shared / (1.0 - self._shared * common.sum()) * np.outer(common, common)
+        kept = np.trace(covariance) / self.config.factor_sigma**2 - self._shared * covariance.sum()
+        return 2.0 * float(self._knots.count - kept)
 
     def at_times(self, t_s: FloatArray) -> "NeighbourPairs":
         """Return the same pairs with other times (M,) of their fixes, such as those of another clock."""
@@ -159,7 +167,8 @@ class NeighbourPairs:
         """
         fit, width = self._fitted(time_offset_s), self.config.robust_spreads
         misfit = width**2 * np.log1p(np.abs(fit.difference / (width * spread)) ** 2).sum()
-        return float(misfit + (np.abs(fit.factor - 1.0) ** 2).sum() / self.config.factor_sigma**2)
+        apart = np.sum(np.abs(fit.factor - 1.0) ** 2) / self.config.factor_sigma**2
+        return float(misfit + apart - self._shared * np.abs(np.sum(fit.factor - 1.0)) ** 2)
 
     def spread(self, time_offset_s: float) -> FloatArray:
         """Return the spread (n,) of the differences at a time offset, per axis."""
@@ -177,7 +186,7 @@ class NeighbourPairs:
         for _ in range(_REWEIGHTINGS):
             weight = self._weight(displacement * self._knots.interpolated(factor) - self._displacement)
             right = self._knots.sums(weight * displacement.conj() * self._displacement)
-            factor = self._solved(displacement, weight, right + self.config.factor_sigma**-2)
+            factor = self._solved(displacement, weight, right + self._information_of_one)
         return _Fitted(
             displacement, factor, displacement * self._knots.interpolated(factor) - self._displacement
         )
@@ -201,14 +210,18 @@ class NeighbourPairs:
         return np.asarray(drawn[..., self._group])
 
     def _solved(self, displacement: ComplexArray, weight: FloatArray, right: ComplexArray) -> ComplexArray:
-        """Return the solutions (..., K) of the factors' normal equations, which are tridiagonal and real."""
+        """Return the solutions (..., K) of the factors' normal equations: real, and tridiagonal but for what
+        the prior takes as common to all (Sherman & Morrison, 1950)."""
         band = self._band(displacement, weight)
-        return np.asarray(
-            solveh_banded(band.reshape(2, -1), right.ravel()).reshape(right.shape), np.complex128
-        )
+        sides = np.stack([right.ravel(), np.ones(right.size)], axis=-1)
+        solved = solveh_banded(band.reshape(2, -1), sides).reshape(*right.shape, 2)
+        apart, common = solved[..., 0], solved[..., 1].real
+        share = self._shared * apart.sum(axis=-1) / (1.0 - self._shared * common.sum(axis=-1))
+        return np.asarray(apart + common * share[..., None], np.complex128)
 
     def _band(self, displacement: ComplexArray, weight: FloatArray) -> FloatArray:
-        """Return the upper bands (2, ..., K) of the factors' normal matrices, with their prior."""
+        """Return the upper bands (2, ..., K) of the factors' normal matrices, with the part of the prior that
+        is each factor's own."""
         band = self._knots.normal_band(weight * np.abs(displacement) ** 2)
         band[1] += self.config.factor_sigma**-2
         return band
