@@ -59,7 +59,8 @@ def test_all_methods_share_a_clock_that_is_wrong_by_seconds(recording, monkeypat
     monkeypatch.setattr(
         "vgps.compare.methods.with_right_clock", lambda found, *_: (["right, not", *found], right)
     )
-    monkeypatch.setattr("vgps.compare.methods.with_right_roll", lambda found, config, _: (found, config))
+    for name in ("with_right_speed", "with_right_roll"):
+        monkeypatch.setattr(f"vgps.compare.methods.{name}", lambda found, config, _: (found, config))
     rows = list(front_ends(vgps.open_recording(recording), Config(), NoProgress(), METHODS[1:3]))
     assert rows[0][0] == ["right, not", "wrong"] and rows[0][0] is rows[1][0]
     assert [settings.sensors.time_offset_s for *_, settings in rows] == [3.0, 3.0]
@@ -68,7 +69,7 @@ def test_all_methods_share_a_clock_that_is_wrong_by_seconds(recording, monkeypat
 
 def test_a_drones_camera_flies_by_every_method_as_in_a_run(recording, monkeypatch):
     monkeypatch.setattr("vgps.compare.methods.run_front_end", lambda *_: None)
-    for name in ("with_right_clock", "with_right_roll"):
+    for name in ("with_right_speed", "with_right_clock", "with_right_roll"):
         monkeypatch.setattr(f"vgps.compare.methods.{name}", lambda front, config, _: (front, config))
     opened = vgps.open_recording(recording)
     drone = replace(opened, gps=replace(opened.gps, airborne=True))

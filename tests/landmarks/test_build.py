@@ -173,6 +173,8 @@ def test_a_run_that_does_not_fit_is_refused(wall: WallRun) -> None:
     assert "other frame times" in complaint(wall, t_s=solution.t_s * 1.1)
     frame_s = solution.t_s[1] - solution.t_s[0]
     built(replace(wall, solution=replace(solution, t_s=solution.t_s + 0.4 * frame_s)))  # a converted video
+    lapse = replace(solution, t_s=9.0 * solution.t_s, sensors=replace(solution.sensors, video_speed=9.0))
+    built(replace(wall, solution=lapse))
     wide = replace(solution.camera, width=640)
     assert "it has 320 x 240 pixels" in complaint(wall, camera=wide)
     vague = replace(solution.landmarks, sigma_px=np.full(150, 5.0))

@@ -17,6 +17,7 @@ from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import with_right_clock
 from vgps.pipeline.offline import optimise_all
 from vgps.pipeline.turned_camera import with_right_roll
+from vgps.pipeline.video_speed import with_right_speed, with_video_speed
 from vgps.readers.calibration.rig_file import rig_beside
 from vgps.readers.trajectory import read_trajectory
 from vgps.runtime.progress import Progress
@@ -134,14 +135,16 @@ def front_ends(
         VgpsError: The recording does not determine the answer.
     """
     shared: FrontEnd | None = None
-    config = with_airborne(recording, config)
+    config, recording = with_airborne(recording, config), with_video_speed(recording, config)
     for method in methods:
         if method.model == "none":
             without = config.with_gps("none")
             yield run_front_end(recording, without, progress), method, method.configured(without)
             continue
         if shared is None:
-            shared, config = with_right_clock(run_front_end(recording, config, progress), config, progress)
+            shared = run_front_end(recording, config, progress)
+            shared, config = with_right_speed(shared, config, progress)
+            shared, config = with_right_clock(shared, config, progress)
             shared, config = with_right_roll(shared, config, progress)
         yield shared, method, method.configured(config)
 

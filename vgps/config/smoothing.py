@@ -116,6 +116,9 @@ class SensorsConfig(SettingsModel):
     clock_rate: float = Field(default=0.0, gt=-0.1, lt=0.1)
     """Known rate of the clocks: the time offset grows by this in each second from the first frame on, such as
     0.001 where a video of 29.97 frames a second was taken for one of 30."""
+    video_speed: PositiveFloat = 1.0
+    """Known seconds that pass in a second of the video: 10 of a time-lapse, 0.25 of slow motion. At 1 another
+    speed counts that the shape of the path shows beyond doubt."""
     significance_sigmas: PositiveFloat = 3.0
     """auto: a time offset is kept if it exceeds this many standard deviations."""
     time_offset: TimeOffsetConfig = TimeOffsetConfig()
@@ -129,6 +132,11 @@ class SensorsConfig(SettingsModel):
     where the fixes contradict one at the camera."""
     antenna_sigma_m: PositiveFloat = 0.5
     """Prior standard deviation of the lever arm, on each axis."""
+
+    @property
+    def rate_is_given(self) -> bool:
+        """Whether there is a rate of the clocks, or a speed of the video, whose rest is to be found."""
+        return self.clock_rate != 0.0 or self.video_speed != 1.0
 
     @property
     def time_offset_prior_s(self) -> float:

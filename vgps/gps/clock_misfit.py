@@ -73,9 +73,9 @@ class Misfit(NamedTuple):
         """Return whether this explains the fixes beyond doubt better than another time offset.
 
         By the likelihoods of the pairs that both have within the video: a wrong fix that one of them leaves
-        out says nothing. Where these are too few, each with its own, over what is usual: a straight at
-        walking pace fits RTK-fixes better than the right stretch of RTK-floats. One without pairs says
-        nothing. Of Gaussian differences it would be the F-test of one parameter.
+        out says nothing. Where these are few, or no more than the knots' parameters, each with its own, over
+        what is usual: a straight at walking pace fits RTK-fixes better than the right stretch of RTK-floats.
+        One without pairs says nothing. Of Gaussian differences it would be the F-test of one parameter.
 
         Args:
             other: Of the other time offset.
@@ -85,8 +85,9 @@ class Misfit(NamedTuple):
         if not len(other.left):
             return False
         common = np.intersect1d(self.rows, other.rows)
-        if len(common) >= _MIN_COMMON_PAIRS:
-            this, other = self.among(common), other.among(common)
+        this = self.among(common)
+        if len(common) >= max(_MIN_COMMON_PAIRS, 2 * len(common) - this.degrees_of_freedom):
+            other = other.among(common)
         else:
             this, other = self.over_usual, other.over_usual
         freedom = this.degrees_of_freedom

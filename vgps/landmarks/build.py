@@ -25,6 +25,7 @@ from vgps.model import Float32Array, FloatArray, Frame, IntArray, Recording
 from vgps.readers.recording import open_recording
 from vgps.readers.run_files import run_folders
 from vgps.readers.run_folder import read_run
+from vgps.readers.video.retimed_video import at_speed
 from vgps.readers.views.steady import as_posed
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.solution import Solution
@@ -186,8 +187,9 @@ def _check(solution: Solution, recording: Recording) -> None:
     if len(video.times_s) != len(solution.t_s):
         raise _mismatch(recording, f"{len(video.times_s)} frames", solution)
     # a run moves the pictures of a converted video by a frame at most
-    frame_s = max(1e-3, float(np.ptp(video.times_s)) / len(video.times_s))
-    if not np.allclose(video.times_s, solution.t_s, rtol=0, atol=frame_s):
+    times_s = at_speed(video, solution.sensors.video_speed).times_s
+    frame_s = max(1e-3, float(np.ptp(times_s)) / len(times_s))
+    if not np.allclose(times_s, solution.t_s, rtol=0, atol=frame_s):
         raise _mismatch(recording, "other frame times", solution)
 
 

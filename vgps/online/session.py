@@ -25,6 +25,7 @@ from vgps.online.sources.gps_source import GpsSource
 from vgps.online.sources.live_feed import live_feed, start_utc
 from vgps.online.sources.video_source import VideoSource
 from vgps.pipeline.airborne import with_airborne
+from vgps.pipeline.video_speed import with_video_speed
 from vgps.readers.calibration.camera_file import read_camera
 from vgps.readers.calibration.rig_file import read_rig
 from vgps.readers.recording import open_recording
@@ -101,6 +102,7 @@ def pose_recording(
         views=False,
     )
     refuse_several(opened, "vgps online")
+    opened = with_video_speed(opened, options.config)
     smoother = OnlineSmoother(
         opened.camera,
         opened.rig,

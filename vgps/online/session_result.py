@@ -134,6 +134,7 @@ def session_solution(session: SessionRecord) -> Solution:
             sensors.prior_time_offset.sigma_s or np.nan,
             session.antenna_sigma_m,
             sensors.clock_rate,
+            video_speed=session.config.sensors.video_speed,
         ),
         report=SolverReport({}, {}, 0, _NO_STAGE_D),
         seconds=dict(session.frame_pipeline.timer.by_stage),

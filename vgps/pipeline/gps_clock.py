@@ -21,6 +21,7 @@ from vgps.gps.clock_search import (
 from vgps.gps.fixes import Fixes
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.time_offset import estimate_time_offset, with_agreed_clock
+from vgps.gps.video_speed import EXPLAINED_SHARE
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.camera_refinement import moved_far, with_settled_camera
 from vgps.pipeline.front_end import FrontEnd, run_front_end
@@ -36,7 +37,6 @@ from vgps.smoothing.merging.torn_path import untorn_path
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import GpsClock, Trajectory
 
-_EXPLAINED_SHARE = 0.1  # of the motion that may be left of fixes which a path explains
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
 _FAR = (
     "the fixes have the shape of the path if they are {0:.1f} s older than their time stamps, more than was "
@@ -219,12 +219,13 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     mirrored = share is not None
     turned_deg = camera_turned_deg(video, config.start, upside_down=mirrored)
     if turned_deg or mirrored:
-        told = (_MIRRORED,) if share is not None and share < _EXPLAINED_SHARE else ()
+        told = (_MIRRORED,) if share is not None and share < EXPLAINED_SHARE else ()
         clock = ClockCheck(shown_s, torn, video=video, turned_deg=turned_deg, mirrored=mirrored)
         front_end = replace(front_end, clock=clock, warnings=(*told, *front_end.warnings))
     elif (shown := _of_another_rate(video, fixes, sensors, config)) is not None:
-        front_end = replace(front_end, clock=ClockCheck(shown_s, other=shown.clock, video=video))
-        if settings.clock_rate or parts_agree(shown.clock.rate, shown.rate_sigma):
+        other = shown.clock if shown.is_significant or settings.clock_rate else None
+        front_end = replace(front_end, clock=ClockCheck(shown_s, other=other, video=video))
+        if settings.rate_is_given or parts_agree(shown.clock.rate, shown.rate_sigma):
             return _with_rate(front_end, shown, config)
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
@@ -241,7 +242,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
 def _with_rate(front_end: FrontEnd, shown: ShownClock, config: Config) -> FrontEnd:
     """Return the front end with a clock of another rate, of which a run that began with one has a note."""
     settings, video = config.sensors, front_end.recording.video
-    told = () if settings.clock_rate else (_rate_note(shown.clock, video.times_s),)
+    told = () if settings.rate_is_given else (_rate_note(shown.clock, video.times_s),)
     sigma_s = float(np.hypot(shown.time_offset_sigma_s, settings.trusted_time_offset_s))
     found = front_end.sensors.with_clock(shown.clock, sigma_s, shown.rate_sigma)
     return replace(front_end, sensors=found, warnings=(*front_end.warnings, *told))
@@ -254,7 +255,7 @@ def _of_another_rate(video: Trajectory, fixes: Fixes, sensors: Sensors, config: 
     """
     path = _in_the_world(video, fixes.on_video_clock(sensors), sensors.camera_p_antenna, config)
     steady, settings = fixes.without_clock_rate(sensors), config.sensors
-    again = settings.clock_rate != 0.0 and settings.estimate_time_offset == "yes"
+    again = settings.rate_is_given and settings.estimate_time_offset == "yes"
     found = search_clock_rate(path, steady, sensors.camera_p_antenna, settings, anyway=again)
     if found is None:
         return None

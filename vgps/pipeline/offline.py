@@ -30,6 +30,7 @@ from vgps.pipeline.sensor_notes import with_moving_note
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.pipeline.steady_focal import fits_worse, refuses_more, with_focal_note, with_steady_focal
 from vgps.pipeline.turned_camera import with_right_roll
+from vgps.pipeline.video_speed import with_right_speed, with_video_speed
 from vgps.runtime.progress import NoProgress, Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer, sequential_seconds
@@ -60,7 +61,7 @@ def smooth(
     config, progress = with_airborne(recording, config or Config()), progress or NoProgress()
     timer = StageTimer()
     with timer.measure("all"):
-        recording = with_found_camera(recording, config, progress)
+        recording = with_found_camera(with_video_speed(recording, config), config, progress)
         probe = readout_probe(recording, config)
         solution, run = _smoothed(_Run(recording, config), progress, checkpoint, probe)
         for share in (config.camera_calibration.restart_share, _ASTRAY_SHARE, _ASTRAY_SHARE):
@@ -159,10 +160,12 @@ def _smoothed(
     journal = None if checkpoint is None else checkpoint.journal
     front_end, config = with_even_times(front_end, config, progress)
     front_end = with_inertial_start(replace(front_end, journal=journal), config, progress)
+    front_end, config = with_right_speed(front_end, config, progress)
     front_end, config = with_right_clock(front_end, config, progress)
     front_end, config = with_right_roll(front_end, config, progress)
     recording = front_end.recording
-    if config is not run.config or recording.camera is not run.recording.camera:
+    was = run.recording
+    if config is not run.config or recording.camera is not was.camera or recording.video is not was.video:
         run = _Run(recording, config)
     found = imu_agreement(front_end, config, progress)
     if found.misled and found.contradiction is None:

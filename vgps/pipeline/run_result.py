@@ -41,7 +41,7 @@ def solution_of(front_end: FrontEnd, merged: MergedMaps, batch: BatchResult, con
         observations=observations,
         gps=recording.gps,
         fixes=table,
-        sensors=_sensor_report(front_end, batch),
+        sensors=_sensor_report(front_end, batch, config),
         report=batch.report,
         seconds=front_end.seconds,
         warnings=_warnings(front_end, merged, batch, table, config),
@@ -80,7 +80,7 @@ def _warnings(
     )
 
 
-def _sensor_report(front_end: FrontEnd, batch: BatchResult) -> SensorReport:
+def _sensor_report(front_end: FrontEnd, batch: BatchResult, config: Config) -> SensorReport:
     mount, bias = front_end.recording.rig.imu, batch.imu_bias
     return SensorReport(
         batch.sensors.time_offset_s,
@@ -88,6 +88,7 @@ def _sensor_report(front_end: FrontEnd, batch: BatchResult) -> SensorReport:
         tuple(batch.antenna_sigma_m.tolist()),
         batch.sensors.clock_rate,
         batch.sensors.clock_rate_sigma or nan,
+        config.sensors.video_speed,
         fix_errors={str(name): vars(errors) for name, errors in batch.errors.items()},
         imu={} if bias is None or mount is None else bias.report(mount.imu_R_camera),
     )

@@ -151,10 +151,10 @@ def _sensors(values: Mapping[str, Any]) -> SensorReport:
     sigmas = (values["lag_sigma_s"], values.get("clock_rate_sigma"), *values["antenna_sigma_m"])
     lag_sigma, rate_sigma, x, y, z = (math.nan if sigma is None else float(sigma) for sigma in sigmas)
     found = {key: values.get(key, {}) for key in ("camera_sigma", "fix_errors", "imu", "camera_height")}
-    rate = values.get("clock_rate", 0.0)  # absent in older runs
+    rate, speed = values.get("clock_rate", 0.0), values.get("video_speed", 1.0)  # absent in older runs
     changes = _focal_changes(values)
     return SensorReport(
-        values["lag_s"], lag_sigma, (x, y, z), rate, rate_sigma, **found, focal_changes=changes
+        values["lag_s"], lag_sigma, (x, y, z), rate, rate_sigma, speed, **found, focal_changes=changes
     )
 
 

@@ -18,6 +18,7 @@ class SensorReport:
         antenna_sigma_m: (3,) standard deviations of the lever arm; NaN if it was not estimated.
         clock_rate: By which the time offset grows in each second from the first frame on.
         clock_rate_sigma: Its standard deviation; NaN if it was not estimated.
+        video_speed: Seconds that passed in a second of the video: frames have the times of what they show.
         camera_sigma: Standard deviations of the calibration by name, ``focal`` as a fraction of fx and fy;
             empty if it was not refined.
         fix_errors: Learned from the recording, by fix class: ``noise_m``, ``walk_m`` and how long errors keep
@@ -35,6 +36,7 @@ class SensorReport:
     antenna_sigma_m: tuple[float, float, float]
     clock_rate: float = 0.0
     clock_rate_sigma: float = nan
+    video_speed: float = 1.0
     camera_sigma: Mapping[str, float] = field(default_factory=dict)
     fix_errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     imu: Mapping[str, list[float]] = field(default_factory=dict)

@@ -143,6 +143,7 @@ def _sensors(report: SensorReport) -> dict[str, Any]:
         "lag_sigma_s": report.time_offset_sigma_s,
         "clock_rate": report.clock_rate,
         "clock_rate_sigma": report.clock_rate_sigma,
+        "video_speed": report.video_speed,
         "antenna_sigma_m": report.antenna_sigma_m,
         "camera_sigma": report.camera_sigma,
         "fix_errors": report.fix_errors,
