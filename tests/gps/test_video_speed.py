@@ -81,6 +81,7 @@ def test_without_fixes_or_motion_there_is_none():
     motion = wandering(0, 40.0)
     log = log_of(motion, 0)
     assert found(motion, log.where(np.arange(0)), 3.0, 40.0) is None
+    assert found(motion, log, 3.0, 0.1) is None  # one frame
     assert found((motion[0], np.zeros_like(motion[1])), log, 3.0, 40.0) is None
 
 

@@ -47,7 +47,7 @@ def search_video_speed(
         camera_p_antenna: (3,) metres.
         config: Time offset, how far about it others are searched, and how sure the speed must be.
     """
-    if np.count_nonzero(fixes.used) <= MIN_PAIRS:
+    if np.count_nonzero(fixes.used) <= MIN_PAIRS or len(path.t_s) < 2:
         return None
     search = _Search(path, first_s, fixes, camera_p_antenna, config)
     as_time = search.misfit(0.0, search.offsets_s)
@@ -55,18 +55,15 @@ def search_video_speed(
         return None
     logs = search.logs()
     left, offset_s = search.left_at(logs)
-    lowest = left <= np.minimum(np.append(left[1:], np.inf), np.append(np.inf, left[:-1]))
-    chosen = np.flatnonzero(lowest & np.isfinite(left))
-    chosen = chosen[np.argsort(left[chosen])][:_COMPARED]
     near_s = _OFFSET_STEP_S * np.arange(-1.0, 2.0)
-    found = [search.misfit(logs[k], offset_s[k] + near_s) for k in chosen.tolist()]
+    found = [search.misfit(logs[k], offset_s[k] + near_s) for k in _lowest(left)]
     if not found:
         return None
     best = min(found, key=lambda one: one.misfit.cost)
     others = [one for one in (*found, as_time) if len(one.misfit.left) and abs(one.log - best.log) > _APART]
     tried = float(len(logs) * len(search.offsets_s))
     clear = [best.misfit.clearly_less(one.misfit, config.significance_sigmas, tried) for one in others]
-    # clips with few fixes may have another speed to the side of which there is nothing to compare
+    # where too few fixes are in the video at slower speeds, one of these may be the right one
     bounded = np.isfinite(left[np.abs(logs - best.log) < _APART]).all()
     if not (clear and all(clear) and bounded and _is_explained(best.misfit)):
         return None
@@ -83,6 +80,13 @@ def refined_video_speed(
     """
     search = _Search(path, first_s, fixes, camera_p_antenna, config)
     return float(np.exp(search.refined(search.misfit(0.0, search.offsets_s)).log))
+
+
+def _lowest(left: FloatArray) -> list[int]:
+    """Return the rows of the speeds that leave least (n,), each less than its neighbours, the best first."""
+    beside = np.minimum(np.append(left[1:], np.inf), np.append(np.inf, left[:-1]))
+    rows = np.flatnonzero((left <= beside) & np.isfinite(left))
+    return [int(k) for k in rows[np.argsort(left[rows])][:_COMPARED]]
 
 
 def _is_explained(misfit: Misfit) -> bool:
