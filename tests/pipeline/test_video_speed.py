@@ -10,6 +10,7 @@ import vgps
 from vgps.config import Config, SensorsConfig
 from vgps.errors import GeometryError
 from vgps.evaluation import evaluate
+from vgps.gps.video_speed import ShownSpeed
 from vgps.pipeline import video_speed
 from vgps.pipeline.front_end import run_front_end
 from vgps.pipeline.video_speed import with_right_speed, with_video_speed
@@ -50,6 +51,14 @@ def test_a_speed_at_which_there_is_no_path_counts_for_nothing(lapsed, monkeypatc
     monkeypatch.setattr(video_speed, "run_front_end", none)
     front_end, changed = with_right_speed(*lapsed, NoProgress())
     assert front_end.recording.video is lapsed[0].recording.video and changed is lapsed[1]
+
+
+@pytest.mark.slow
+def test_a_speed_in_doubt_is_told(lapsed, monkeypatch):
+    monkeypatch.setattr(video_speed, "search_video_speed", lambda *_: ShownSpeed(2.0, False))
+    front_end, changed = with_right_speed(*lapsed, NoProgress())
+    assert "if the video plays 2 times as fast as time passes" in front_end.warnings[-1]
+    assert front_end.recording is lapsed[0].recording and changed is lapsed[1]
 
 
 def test_a_speed_that_is_given_is_the_videos(brief):

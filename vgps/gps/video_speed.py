@@ -25,6 +25,19 @@ _OFFSET_STEP_S = 0.25
 _FINE: FloatArray = 0.1 * np.arange(-10.0, 11.0)  # steps
 _APART = 0.2  # in the logarithm: speeds that must not explain the fixes as well
 _COMPARED = 12  # speeds, the best among their neighbours
+_MIN_DOUBTFUL_PAIRS = 10  # of fixes: fewer have the shape of some part of a path by chance
+
+
+class ShownSpeed(NamedTuple):
+    """A speed of a video that explains the fixes.
+
+    Attributes:
+        speed: Seconds that pass in a second of the video.
+        is_certain: Whether no other one explains them nearly as well.
+    """
+
+    speed: float
+    is_certain: bool
 
 
 class _Speed(NamedTuple):
@@ -37,8 +50,8 @@ class _Speed(NamedTuple):
 
 def search_video_speed(
     path: Trajectory, first_s: float, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
-) -> float | None:
-    """Return the seconds that pass in a second of the video, beyond doubt; None if that may be one.
+) -> ShownSpeed | None:
+    """Return the speed that explains the fixes if that of time does not; None if none does.
 
     Args:
         path: Of the video alone, level; every scale and heading will do.
@@ -65,9 +78,10 @@ def search_video_speed(
     clear = [best.misfit.clearly_less(one.misfit, config.significance_sigmas, tried) for one in others]
     # where too few fixes are in the video at slower speeds, one of these may be the right one
     bounded = np.isfinite(left[np.abs(logs - best.log) < _APART]).all()
-    if not (clear and all(clear) and bounded and _is_explained(best.misfit)):
+    certain = bool(clear and all(clear) and bounded)
+    if not _is_explained(best.misfit) or not (certain or len(best.misfit.left) >= _MIN_DOUBTFUL_PAIRS):
         return None
-    return float(np.exp(search.refined(best).log))
+    return ShownSpeed(float(np.exp(search.refined(best).log)), certain)
 
 
 def refined_video_speed(

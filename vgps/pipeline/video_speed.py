@@ -23,6 +23,11 @@ _FOUND = (
     "second are about {2:.4g}. Its frames have the times at which they were taken now: give sensors: "
     "{{video_speed: {0:.4g}}} to save the time"
 )
+_DOUBTFUL = (
+    "the path has not the shape of the fixes, but about has it if the video plays {0:.2g} times as fast "
+    "as time passes; others may suit as well. If it is a time-lapse or slow motion, give sensors: "
+    "{{video_speed}}; else the fixes may be of another place or time"
+)
 
 
 def with_video_speed(recording: Recording, config: Config) -> Recording:
@@ -41,8 +46,12 @@ def with_right_speed(front_end: FrontEnd, config: Config, progress: Progress) ->
     clock, sensors, seen = compared.clock, config.sensors, _seen(compared, config)
     if seen is None or clock is None or clock.shown_s is not None or front_end.others:
         return compared, config
-    if sensors.video_speed != 1.0 or (speed := search_video_speed(*seen, sensors)) is None:
+    if sensors.video_speed != 1.0 or (shown := search_video_speed(*seen, sensors)) is None:
         return compared, config
+    if not shown.is_certain:
+        note = _DOUBTFUL.format(shown.speed)
+        return replace(compared, warnings=(*compared.warnings, note)), config
+    speed = shown.speed
     progress.stage("again at the speed that the video shows")
     try:
         for _ in range(_MOST_RUNS):
