@@ -24,8 +24,8 @@ _FOUND = (
     "{{video_speed: {0:.4g}}} to save the time"
 )
 _DOUBTFUL = (
-    "the path has not the shape of the fixes, but about has it if the video plays {0:.2g} times as fast "
-    "as time passes; others may suit as well. If it is a time-lapse or slow motion, give sensors: "
+    "the path does not have the shape of the fixes, but nearly does if the video plays {0:.2g} times as fast "
+    "as time passes; other speeds may suit as well. If it is a time-lapse or slow motion, give sensors: "
     "{{video_speed}}; else the fixes may be of another place or time"
 )
 
