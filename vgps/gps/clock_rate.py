@@ -15,7 +15,7 @@ from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M, NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import TimeOffset
-from vgps.gps.time_offset import best_time_offset, min_gain, spaced, spacing_s
+from vgps.gps.time_offset import best_time_offset, compared_fixes, min_gain
 from vgps.model import FloatArray
 from vgps.solution import GpsClock, Trajectory
 
@@ -63,8 +63,7 @@ def search_clock_rate(
         config: Time offset, how far about it others are searched, and how sure a rate must be.
         anyway: Whether a clock counts that is not significant.
     """
-    used = fixes.where(fixes.used)
-    compared = spaced(used, spacing_s(used))
+    compared = compared_fixes(fixes)
     rates = _Rates(path, camera_p_antenna, config)
     found = rates.likeliest(compared)
     if found is None or not (found.is_significant or anyway):

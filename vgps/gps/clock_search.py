@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from vgps.config import SensorsConfig, StartConfig
 from vgps.gps.clock_misfit import MIN_PAIRS, Misfit, Seen, misfit_at, seen_antenna
 from vgps.gps.fixes import Fixes
-from vgps.gps.time_offset import spaced, spacing_s
+from vgps.gps.time_offset import compared_fixes
 from vgps.model import FloatArray
 from vgps.solution import GpsClock, Trajectory
 
@@ -103,7 +103,7 @@ def _misfits(
     config: SensorsConfig,
 ) -> list[Misfit]:
     """Return what is left at each of some time offsets."""
-    seen, chosen = seen_antenna(path, camera_p_antenna), _chosen(fixes)
+    seen, chosen = seen_antenna(path, camera_p_antenna), compared_fixes(fixes)
     return [misfit_at(seen, chosen, offset_s, config.time_offset) for offset_s in offsets_s.tolist()]
 
 
@@ -135,7 +135,7 @@ def mirrored_share(
         path: Of the video alone, level.
         fixes, camera_p_antenna, config: As for :func:`search_time_offset`.
     """
-    seen, chosen = seen_antenna(path, camera_p_antenna), _chosen(fixes)
+    seen, chosen = seen_antenna(path, camera_p_antenna), compared_fixes(fixes)
     offsets_s = _near(config)
 
     def least(one: Seen) -> Misfit:
@@ -166,9 +166,3 @@ def levelled(path: Trajectory, start: StartConfig) -> Trajectory:
     level_T_world = np.eye(4)
     level_T_world[:3, :3] = Rotation.align_vectors([[0.0, 0.0, 1.0]], [up])[0].as_matrix()
     return Trajectory(path.t_s, level_T_world @ poses)
-
-
-def _chosen(fixes: Fixes) -> Fixes:
-    """Return the fixes that are compared."""
-    used = fixes.where(fixes.used)
-    return spaced(used, spacing_s(used))

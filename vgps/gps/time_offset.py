@@ -131,6 +131,12 @@ def spaced(fixes: Fixes, interval_s: float) -> Fixes:
     return fixes.where(one_per_interval(fixes.t_s, interval_s, 0.5))  # the stamps of 1 Hz in the middle
 
 
+def compared_fixes(fixes: Fixes) -> Fixes:
+    """Return the used fixes, so far apart that each counts."""
+    used = fixes.where(fixes.used)
+    return spaced(used, spacing_s(used))
+
+
 def model_average(found: TimeOffset, prior: TimeOffset, trusted_s: float) -> tuple[TimeOffset, float]:
     """Return the mean over both hypotheses with its standard deviation, and the probability of an offset.
 

@@ -13,7 +13,7 @@ import numpy as np
 from vgps.config import SensorsConfig
 from vgps.gps.clock_misfit import MIN_PAIRS, Misfit, misfit_at, seen_antenna
 from vgps.gps.fixes import Fixes
-from vgps.gps.time_offset import spaced, spacing_s
+from vgps.gps.time_offset import compared_fixes
 from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
@@ -122,8 +122,7 @@ class _Search:
     ) -> None:
         seen = seen_antenna(path, camera_p_antenna)
         self._seen = seen._replace(t_s=seen.t_s - first_s)
-        used = fixes.where(fixes.used)
-        compared = spaced(used, spacing_s(used))
+        compared = compared_fixes(fixes)
         self._fixes = replace(compared, t_s=compared.t_s - first_s)
         self._config = config.time_offset
         reach_s = config.time_offset_reach_s
