@@ -114,6 +114,22 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(front_end, monkeyp
         assert again.clock.turned_deg == (180.0 if airborne == "no" else 0.0)
 
 
+@pytest.mark.parametrize(("shown_s", "begins_again"), [(0.3, True), (0.05, False), (None, False)])
+def test_a_torn_path_is_built_again_with_a_clock_within_the_search(
+    front_end, monkeypatch, shown_s, begins_again
+):
+    """Stage D does not mend it: a walk with fixes 0.26 s early was 1.3 m off, and is 0.007 m."""
+    runs, compared = [], iter([ClockCheck(None, torn=True), ClockCheck(0.3)])
+    monkeypatch.setattr(gps_clock, "with_gps_clock", lambda one, _: replace(one, clock=next(compared)))
+    monkeypatch.setattr(gps_clock, "clock_by_shape", lambda *_: ClockCheck(shown_s))
+    monkeypatch.setattr(gps_clock, "run_front_end", lambda _, config, __: runs.append(config) or front_end)
+    found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
+    assert [run.gps.model for run in runs] == ["none", Config().gps.model][: 1 + begins_again]
+    assert config == (runs[-1] if begins_again else Config())
+    assert config.sensors.time_offset_s == (0.3 if begins_again else 0.0)
+    assert found.clock == (ClockCheck(0.3) if begins_again else ClockCheck(None, torn=True))
+
+
 @pytest.fixture(scope="module")
 def run_once():
     """Stages A to C, run once for all tests of the same settings."""

@@ -6,8 +6,6 @@ import numpy as np
 
 from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
-from vgps.geometry import interpolate_vectors
-from vgps.gps.antenna_path import antenna_offsets, place
 from vgps.gps.camera_roll import camera_turned_deg
 from vgps.gps.clock_rate import ShownClock, parts_agree, search_clock_rate
 from vgps.gps.clock_search import (
@@ -24,17 +22,14 @@ from vgps.gps.time_offset import estimate_time_offset, with_agreed_clock
 from vgps.gps.video_speed import EXPLAINED_SHARE
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.camera_refinement import moved_far, with_settled_camera
+from vgps.pipeline.compared_path import in_the_world, outside_share, seen_part, through_few
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.rough_solution import video_alone
 from vgps.pipeline.solved_maps import merged_maps
 from vgps.runtime.progress import Progress
 from vgps.runtime.threads import one_blas_thread
 from vgps.runtime.timing import StageTimer
-from vgps.smoothing.alignment.map_alignment import correspondences, fixes_within
-from vgps.smoothing.alignment.pose_similarity import similarity_of_poses
-from vgps.smoothing.alignment.similarity import align
 from vgps.smoothing.merging.torn_path import untorn_path
-from vgps.smoothing.scene.scene import Scene
 from vgps.solution import GpsClock, Trajectory
 
 _TORN_SHARE = 0.5  # of the fixes, outside regions that hold 95 %
@@ -47,8 +42,8 @@ _MIRRORED = (
     "down. The poses are wrong, whatever their standard deviations: give the picture as the camera saw it"
 )
 _FOUND = (
-    "the GPS positions are about {0:.1f} s older than their time stamps, as the shape of the path shows; the "
-    "run began again with that: give sensors: {{time_offset_s: {0:.1f}}} to save the time"
+    "the GPS positions are about {0:.2f} s older than their time stamps, as the shape of the path shows; the "
+    "run began again with that: give sensors: {{time_offset_s: {0:.2f}}} to save the time"
 )
 _RATE = (
     "the clocks of GPS and video differ by {0:.1%}, as the shape of the path shows: {1:.2f} frames a second "
@@ -91,6 +86,7 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
             clock = clock_by_shape(alone, compared.fixes, config)
             if clock.turned_deg:
                 return replace(compared, clock=clock), config
+            clock = clock._replace(torn=True)
         if (other := _other(clock, config)) is None:
             return compared, config
         progress.stage("again with the GPS clock that the video shows")
@@ -152,21 +148,28 @@ def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
     return ClockCheck(shown_s, turned_deg=turned_deg, mirrored=mirrored)
 
 
-def _far(clock: ClockCheck | None, config: Config) -> float | None:
+def _far(clock: ClockCheck, config: Config) -> float | None:
     """Return the time offset that the video shows if it is beyond the search about the configured one."""
-    if clock is None or clock.shown_s is None:
-        return None
-    sensors = config.sensors
-    beyond = abs(clock.shown_s - sensors.time_offset_s) > sensors.time_offset_reach_s
-    return clock.shown_s if beyond else None
+    return _beyond(clock, config, config.sensors.time_offset_reach_s)
+
+
+def _beyond(clock: ClockCheck, config: Config, reach_s: float) -> float | None:
+    """Return the time offset that the video shows if it is so far from the configured one."""
+    shown_s = clock.shown_s
+    return shown_s if shown_s is not None and abs(shown_s - config.sensors.time_offset_s) > reach_s else None
 
 
 def _other(clock: ClockCheck | None, config: Config) -> GpsClock | None:
-    """Return the clock that the video shows if stages A to C need it."""
-    if clock is not None and clock.other is not None:
-        return clock.other
-    far_s = _far(clock, config)
-    return None if far_s is None else GpsClock(far_s, config.sensors.clock_rate)
+    """Return the clock that the video shows if stages A to C need it.
+
+    Where the fixes have torn the path they do so even if the search about the configured one reaches it.
+    """
+    if clock is None or clock.other is not None:
+        return None if clock is None else clock.other
+    sensors = config.sensors
+    trusted_s = sensors.significance_sigmas * sensors.trusted_time_offset_s
+    other_s = _beyond(clock, config, trusted_s if clock.torn else sensors.time_offset_reach_s)
+    return None if other_s is None else GpsClock(other_s, sensors.clock_rate)
 
 
 def _with_clock(recording: Recording, config: Config, clock: GpsClock) -> tuple[Recording, Config]:
@@ -203,17 +206,18 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     used = fixes.used & merged.georeferenced
     if config.sensors.estimate_time_offset == "no" or not used.any():
         return front_end
-    path, settings = _seen(merged.scene), config.sensors
+    path, settings = seen_part(merged.scene), config.sensors
     try:
-        video = _among(video_alone(front_end, merged, config), path)
+        video = through_few(video_alone(front_end, merged, config), path)
         video = untorn_path(video, merged.scene, fixes, config.tracking.min_inliers)
     except GeometryError:  # stage D says why
         return front_end
     steady = fixes.without_clock_rate(sensors)
     shown_s = search_time_offset(video, steady, sensors.camera_p_antenna, settings)
-    torn = shown_s is None and _outside_share(path, fixes, sensors) > _TORN_SHARE
-    front_end = replace(front_end, clock=ClockCheck(shown_s, torn, video=video))
-    if (far_s := _far(front_end.clock, config)) is not None:
+    torn = shown_s is None and outside_share(path, fixes, sensors) > _TORN_SHARE
+    clock = ClockCheck(shown_s, torn, video=video)
+    front_end = replace(front_end, clock=clock)
+    if (far_s := _far(clock, config)) is not None:
         return replace(front_end, warnings=(*front_end.warnings, _FAR.format(far_s)))
     share = mirrored_share(video, steady, sensors.camera_p_antenna, settings)
     mirrored = share is not None
@@ -230,7 +234,7 @@ def _compared(front_end: FrontEnd, config: Config) -> FrontEnd:
     if abs(sensors.time_offset_s - settings.time_offset_s) <= settings.time_offset_reach_s:
         path = video  # else what stage C's odometry showed has torn the path too much for that
     corrected = fixes.on_video_clock(sensors)
-    path = _in_the_world(path, corrected, sensors.camera_p_antenna, config)
+    path = in_the_world(path, corrected, sensors.camera_p_antenna, config)
     found, notes = estimate_time_offset(sensors, path, steady, config)
     if shows_no_time_offset(video, steady, sensors.camera_p_antenna, settings):
         found = replace(found, by_displacements=TimeOffset.from_config(settings))
@@ -253,7 +257,7 @@ def _of_another_rate(video: Trajectory, fixes: Fixes, sensors: Sensors, config: 
 
     Where a run has begun with a rate that the video showed before, it is estimated again.
     """
-    path = _in_the_world(video, fixes.on_video_clock(sensors), sensors.camera_p_antenna, config)
+    path = in_the_world(video, fixes.on_video_clock(sensors), sensors.camera_p_antenna, config)
     steady, settings = fixes.without_clock_rate(sensors), config.sensors
     again = settings.rate_is_given and settings.estimate_time_offset == "yes"
     found = search_clock_rate(path, steady, sensors.camera_p_antenna, settings, anyway=again)
@@ -261,40 +265,3 @@ def _of_another_rate(video: Trajectory, fixes: Fixes, sensors: Sensors, config: 
         return None
     rate = 1.0 - (1.0 - sensors.clock_rate) * (1.0 - found.clock.rate)
     return found._replace(clock=GpsClock(found.clock.time_offset_s, rate))
-
-
-def _seen(scene: Scene) -> Trajectory:
-    """Return the path from the first frame with observations to the last: others are extrapolated."""
-    seen = scene.observations.frame
-    rows = slice(seen.min(), seen.max() + 1) if len(seen) else slice(0)
-    return Trajectory(scene.t_s[rows], scene.poses[rows])
-
-
-def _outside_share(path: Trajectory, fixes: Fixes, sensors: Sensors) -> float:
-    """Return the share of the used fixes in the video whose regions do not reach the path in the plane."""
-    corrected = fixes.on_video_clock(sensors)
-    inside = corrected.where(np.flatnonzero(fixes.used & place(path.t_s, corrected.t_s).inside))
-    offset = antenna_offsets(inside, path, sensors.camera_p_antenna)
-    across = np.hypot(offset[:, 0], offset[:, 1]) > inside.r_m
-    return float(np.mean(across)) if len(across) else 0.0
-
-
-def _among(few: Trajectory, path: Trajectory) -> Trajectory:
-    """Return a path through those of few frames that are in it, between which it runs as it did."""
-    inside = (few.t_s >= path.t_s[0]) & (few.t_s <= path.t_s[-1])
-    few_s, few_poses = few.t_s[inside], few.world_T_camera[inside]
-    at = np.searchsorted(path.t_s, few_s)
-    to_path = similarity_of_poses(path.world_T_camera[at], few_poses)
-    moved = to_path.poses(few_poses)[:, :3, 3] - path.world_T_camera[at, :3, 3]
-    poses = path.world_T_camera.copy()
-    poses[:, :3, 3] += interpolate_vectors(few_s, moved, path.t_s)
-    return Trajectory(path.t_s, poses)
-
-
-def _in_the_world(path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: Config) -> Trajectory:
-    """Return a path with the scale and heading that suit the fixes best, whatever their clock."""
-    chosen = fixes_within(path, fixes)
-    if len(chosen) < 2:  # control points place the maps
-        return path
-    to_world = align(correspondences(path, chosen, camera_p_antenna), config.start)
-    return path if to_world is None else Trajectory(path.t_s, to_world.poses(path.world_T_camera))

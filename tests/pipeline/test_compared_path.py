@@ -1,11 +1,11 @@
-"""The path of the video alone that the GPS clock is compared with."""
+"""Paths that are compared with fixes."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from vgps.mapping.map_update import Similarity
-from vgps.pipeline.gps_clock import _among, _seen
+from vgps.pipeline.compared_path import seen_part, through_few
 from vgps.smoothing.scene.scene import Scene
 from vgps.solution import Observations, Trajectory
 
@@ -26,15 +26,15 @@ def test_few_frames_may_have_a_scale_and_a_frame_of_their_own(path):
     """A drone that hovered had them 30 times too small: what lay between them was made as much too large."""
     turn = Rotation.from_rotvec([0.3, -1.0, 0.4]).as_matrix()
     few = Similarity(0.03, turn, np.array([5.0, -7.0, 2.0])).poses(path.world_T_camera[2::4])
-    found = _among(Trajectory(T_S[2::4], few), path)
+    found = through_few(Trajectory(T_S[2::4], few), path)
     np.testing.assert_allclose(found.world_T_camera, path.world_T_camera, atol=1e-9)
 
 
 def test_frames_before_the_first_that_shows_something_and_after_the_last_do_not_count(path):
     frame = np.array([5, 5, 9, 30])
     seen = Observations(frame, np.array([0, 1, 1, 1]), np.zeros((4, 2)))
-    found = _seen(Scene(T_S, path.world_T_camera, np.zeros((2, 3)), seen))
+    found = seen_part(Scene(T_S, path.world_T_camera, np.zeros((2, 3)), seen))
     np.testing.assert_array_equal(found.t_s, T_S[5:31])
     np.testing.assert_array_equal(found.world_T_camera, path.world_T_camera[5:31])
     nothing = Observations(frame[:0], frame[:0], np.zeros((0, 2)))
-    assert len(_seen(Scene(T_S, path.world_T_camera, np.zeros((0, 3)), nothing))) == 0
+    assert len(seen_part(Scene(T_S, path.world_T_camera, np.zeros((0, 3)), nothing))) == 0
