@@ -15,7 +15,6 @@ from vgps.mapping.control_observations import NO_CONTROL_OBSERVATIONS
 from vgps.model import Camera, FocalChanges
 from vgps.smoothing.calibration.camera_equations import changed_camera
 from vgps.smoothing.calibration.focal_changes import without_change
-from vgps.smoothing.calibration.parameter_step import ParameterStep
 from vgps.smoothing.calibration.refined_camera import prior_about
 from vgps.smoothing.context import SmoothingContext
 from vgps.smoothing.scene.factor_graph import select_observations
@@ -24,7 +23,7 @@ from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistort
 from vgps.smoothing.scene.scene import scene_of_map
 from vgps.smoothing.stage_d import intrinsics
 from vgps.smoothing.stage_d.batch import optimise_batch
-from vgps.smoothing.stage_d.intrinsics import _after_step, _is_another_lens, refine_camera
+from vgps.smoothing.stage_d.intrinsics import _is_another_lens, refine_camera
 
 CONFIG = Config(
     sensors=SensorsConfig(estimate_time_offset="no"),
@@ -136,18 +135,6 @@ def test_a_centre_that_moves_far_leaves_all_observations():
     np.testing.assert_allclose(back.poses, made.poses, atol=1e-9)
     selected, _ = select_observations(back, SmoothingContext(TRUE, CONFIG), CONFIG.batch.first_tolerance)
     assert len(selected.observations.frame) == len(made.observations.frame)
-
-
-def test_a_step_that_reaches_too_far_only_turns_the_poses():
-    made = true_scene()
-    away_m = made.points + np.array([0.0, 0.0, 5.0])
-    end = _after_step(TRUE, TRUE, made, ParameterStep(np.zeros(3), np.ones(3), made.poses, away_m))
-    np.testing.assert_array_equal(end.points, made.points)
-    # a step that fits is taken as it is
-    nearer = made.points + 1e-4
-    rough = replace(made, points=away_m)
-    end = _after_step(TRUE, TRUE, rough, ParameterStep(np.zeros(3), np.ones(3), made.poses, nearer))
-    np.testing.assert_array_equal(end.points, nearer)
 
 
 @pytest.mark.slow

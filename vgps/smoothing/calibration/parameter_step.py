@@ -25,6 +25,15 @@ class ParameterStep:
     poses: FloatArray
     points: FloatArray
 
+    def part(self, share: float, poses: FloatArray, points: FloatArray) -> "ParameterStep":
+        """Return a share of the step, from the poses (F, 4, 4) and points (L, 3) before it."""
+        if share == 1.0:
+            return self
+        ends = zip(poses, self.poses, strict=True)
+        between = [gtsam.Pose3(before).slerp(share, gtsam.Pose3(after)).matrix() for before, after in ends]
+        moved = points + share * (self.points - points)
+        return ParameterStep(share * self.delta, self.sigma, np.stack(between), moved)
+
 
 @dataclass(frozen=True)
 class ParameterPrior:

@@ -15,7 +15,8 @@ import numpy as np
 from vgps.config import IntrinsicsConfig
 from vgps.errors import GeometryError
 from vgps.model import Camera, FloatArray, FocalChanges
-from vgps.smoothing.calibration.camera_equations import changed_camera, linearise_camera, parameter_count
+from vgps.smoothing.calibration.camera_equations import linearise_camera, parameter_count
+from vgps.smoothing.calibration.camera_step import after_step
 from vgps.smoothing.calibration.focal_changes import (
     changes_of,
     focal_equations,
@@ -27,7 +28,7 @@ from vgps.smoothing.calibration.parameter_step import ParameterPrior, ParameterS
 from vgps.smoothing.calibration.refined_camera import CameraPrior, RefinedCamera, moved_from, refined_with
 from vgps.smoothing.scene.few_frames import thinned
 from vgps.smoothing.scene.global_shutter import as_global_shutter
-from vgps.smoothing.scene.other_calibration import misfit_px, seen_by, undistorted_by
+from vgps.smoothing.scene.other_calibration import seen_by
 from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.stage_d.batch_result import BatchResult
 from vgps.solver.equations.elimination import analyse_sparsity
@@ -120,12 +121,9 @@ def _estimated(
     while step < config.iterations and not converged:
         step += 1
         found = _step(result.problem, camera, prior)
-        delta, sigma, moved = found.delta, found.sigma, changed_camera(camera, found.delta)
-        few = replace(few, poses=result.problem.world_T_camera, points=result.problem.world_p_landmark)
-        few = _after_step(moved, camera, few, found)
-        camera = moved
-        result = optimise(few, camera, every)
-        converged = bool(np.all(np.abs(delta) < config.tolerance_sigmas * sigma))
+        camera, few, is_whole = after_step(camera, few, result.problem, found)
+        result, sigma = optimise(few, camera, every), found.sigma
+        converged = is_whole and bool(np.all(np.abs(found.delta) < config.tolerance_sigmas * sigma))
     refined = refined_with(replace(camera, readout_s=given.readout_s), sigma, step, converged)
     return _Rough(refined, few, result.problem)
 
@@ -178,16 +176,6 @@ def _is_another_lens(camera: Camera, prior: CameraPrior, changes: FocalChanges) 
 def _believed(camera: Camera, prior: CameraPrior) -> ParameterPrior:
     """Return the prior of a camera's parameters."""
     return ParameterPrior(prior.sigma[: parameter_count(camera)], moved_from(camera, prior.mean))
-
-
-def _after_step(camera: Camera, before: Camera, optimum: Scene, step: ParameterStep) -> Scene:
-    """Return the scene of a step's calibration: as the step predicts, or only turned if that fits better.
-
-    The prediction is linear, and poses that hardly anything holds, as a roll that coarse fixes do not show,
-    follow a step too far for that.
-    """
-    predicted = undistorted_by(camera, before, replace(optimum, poses=step.poses, points=step.points))
-    return min(predicted, seen_by(camera, before, optimum), key=lambda one: misfit_px(one, camera))
 
 
 def _step(problem: BundleProblem, camera: Camera, prior: CameraPrior) -> ParameterStep:
