@@ -154,6 +154,30 @@ def test_a_walk_in_a_circle_that_was_laid_on_fixes_of_another_clock_does_not_hid
     assert found.sigma_s < 0.05 and abs(found.time_offset_s - late_s) < 3.0 * found.sigma_s
 
 
+def around(t_s):
+    """Return a walk in a circle at constant speed, where a time offset is another heading."""
+    return 8.0 * np.column_stack([np.cos(0.2 * t_s), np.sin(0.2 * t_s), np.zeros_like(t_s)])
+
+
+def bent(camera, scale, heading):
+    """Return a path whose steps have other scales and headings (F,), as a video's drift."""
+    seen = camera.world_T_camera[:, :2, 3] @ [1.0, 1.0j]
+    steps = np.diff(seen) * np.exp(scale + 1.0j * heading)[1:]
+    moved = np.concatenate([seen[:1], seen[0] + np.cumsum(steps)])
+    return trajectory(np.column_stack([moved.real, moved.imag, np.zeros(len(moved))]), camera.t_s)
+
+
+@pytest.mark.slow
+def test_the_drift_of_a_video_around_a_circle_is_no_time_offset():
+    """By the scatter from pair to pair alone two of these are -1.5 and 1.9 s, at 15 standard deviations."""
+    rng = np.random.default_rng(0)
+    for seed in range(40):
+        camera, fixes = with_jitter(around, seed, late_s=0.6)
+        scale, heading = 0.03 * np.sin(2.0 * np.pi * (camera.t_s / 25.0 + rng.random((2, 1))))
+        second = fixes.where(np.arange(len(fixes)) % 10 == 0)
+        assert no_offset_is_found(laid_on(bent(camera, scale, heading), second), second)
+
+
 @pytest.mark.slow
 def test_seven_seconds_show_a_time_offset_by_fixes_closer_than_a_second():
     logs = [with_jitter(turns_and_braking, seed, late_s=0.3, until_s=8.0) for seed in range(10)]
@@ -324,7 +348,7 @@ def test_fixes_within_a_second_count_once(estimate):
     fast = late(0.4, np.repeat(wander(3), 10, axis=0)[: len(t_s)], t_s)  # the same error ten times a second
     slow = fast.where(np.arange(0, len(t_s), 10))
     sigma_s = [estimate(fixes)[0].prior_time_offset.sigma_s for fixes in (fast, slow)]
-    assert 0.7 < sigma_s[0] / sigma_s[1] < 1.4
+    assert 0.5 < sigma_s[0] / sigma_s[1] < 2.0  # a jackknife scatters; ten times as many would give 0.3
 
 
 def test_fixes_of_a_second_count_though_their_stamps_are_not_quite_even():

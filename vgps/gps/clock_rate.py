@@ -15,7 +15,14 @@ from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M, NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import TimeOffset
-from vgps.gps.time_offset import best_time_offset, compared_fixes, min_gain
+from vgps.gps.time_offset import (
+    BLOCKS,
+    best_time_offset,
+    compared_fixes,
+    jackknife_sigma,
+    min_gain,
+    without_blocks,
+)
 from vgps.model import FloatArray
 from vgps.solution import GpsClock, Trajectory
 
@@ -23,7 +30,6 @@ _MAX_RATE = 0.05  # 9.66 frames a second taken for 10 are 0.034
 _MAX_SHIFT_S = 15.0  # of the first and the last fix
 _STEP_S = 0.1  # of that shift: a fraction of the time that a turn takes
 _MIN_PAIRS = 8
-_BLOCKS = 4, 10  # of the jackknife, at least and at most
 _LEAST_SIGMAS = 2.0  # of the jackknife: on an orbit at constant speed the parts of the video do not agree
 
 
@@ -68,22 +74,14 @@ def search_clock_rate(
     found = rates.likeliest(compared)
     if found is None or not (found.is_significant or anyway):
         return None
-    parts = _without_blocks(compared, int(np.ptp(path.t_s) / config.time_offset.knot_s))
+    parts = without_blocks(compared, int(np.ptp(path.t_s) / config.time_offset.knot_s))
     others = [other.clock for part in parts if (other := rates.likeliest(part)) is not None]
-    if len(others) < _BLOCKS[0]:
+    if len(others) < BLOCKS[0]:
         return None
     rate = np.array([other.rate for other in others])
     offset_s = np.array([other.time_offset_s for other in others]) + rate * rates.middle_s
-    sigma_s, rate_sigma = (float(np.sqrt((len(others) - 1) * np.var(x))) for x in (offset_s, rate))
+    sigma_s, rate_sigma = jackknife_sigma(offset_s), jackknife_sigma(rate)
     return found._replace(time_offset_sigma_s=sigma_s, rate_sigma=rate_sigma)
-
-
-def _without_blocks(fixes: Fixes, number: int) -> list[Fixes]:
-    """Return the fixes without those of one part of the video after the other."""
-    number = int(np.clip(number, *_BLOCKS))
-    edges = np.linspace(fixes.t_s[0], fixes.t_s[-1], number + 1)[1:-1]
-    block = np.searchsorted(edges, fixes.t_s)
-    return [fixes.where(block != k) for k in range(number)]
 
 
 class _Rates:

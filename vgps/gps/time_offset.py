@@ -8,6 +8,7 @@ offset while a vehicle keeps accelerating or turning. So the displacements are c
 factor for every time offset.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +18,15 @@ from vgps.config import Config, SensorsConfig
 from vgps.gps.fixes import Fixes, one_per_interval
 from vgps.gps.neighbour_pairs import NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
+from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
 _NO_INFORMATION = 1e-6  # per square second
 _SPACING_S = 1.0  # of fixes that are compared: receivers filter their positions
 _MIN_SPACINGS = 20  # in a log: those of a short one are shorter
+_MIN_PAIRS = 8  # for a jackknife
+BLOCKS = 4, 10  # of it, at least and at most
 
 
 def estimate_time_offset(
@@ -61,9 +65,7 @@ def update_time_offset(
     prior = TimeOffset.from_config(config)
     if not prior.sigma_s:
         return sensors, ()
-    compared = spaced(fixes, spacing_s(fixes))
-    pairs = neighbour_pairs(path, compared, sensors.camera_p_antenna, prior, config.time_offset)
-    best = best_time_offset(pairs, prior)
+    pairs, best = _compared(path, spaced(fixes, spacing_s(fixes)), sensors, prior, config)
     change_s = abs(best.time_offset_s - prior.time_offset_s)
     observable = best.sigma_s < config.time_offset.shown_share * prior.sigma_s
     chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, best.sigma_s))
@@ -218,6 +220,40 @@ def _shown(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConf
     sigmas = -float(ndtri(stdtr(pairs.degrees_of_freedom, -np.sqrt(gain))))
     sigma_s = max(found.sigma_s, abs(found.time_offset_s - prior.time_offset_s) / sigmas)
     return replace(found, sigma_s=sigma_s)
+
+
+def _compared(
+    path: Trajectory, fixes: Fixes, sensors: Sensors, prior: TimeOffset, config: SensorsConfig
+) -> tuple[NeighbourPairs, TimeOffset]:
+    """Return the pairs of fixes, and the best time offset with its standard deviation.
+
+    That is no less than a jackknife's which leaves out one part of the video after the other: on a bend the
+    drift of the video's heading looks like a time offset for longer than from one pair to the next.
+    """
+    antenna, settings = sensors.camera_p_antenna, config.time_offset
+    pairs = neighbour_pairs(path, fixes, antenna, prior, settings)
+    best = best_time_offset(pairs, prior)
+    if pairs.count < _MIN_PAIRS:
+        return pairs, best
+    parts = without_blocks(fixes, int(np.ptp(path.t_s) / settings.knot_s))
+    others = [
+        best_time_offset(neighbour_pairs(path, part, antenna, prior, settings), prior) for part in parts
+    ]
+    jackknife_s = jackknife_sigma([other.time_offset_s for other in others])
+    under_prior_s = jackknife_s / float(np.hypot(1.0, jackknife_s / prior.sigma_s))
+    return pairs, replace(best, sigma_s=max(best.sigma_s, under_prior_s))
+
+
+def without_blocks(fixes: Fixes, number: int) -> list[Fixes]:
+    """Return the fixes without those of one part of the video after the other, of about ``number``."""
+    edges = np.linspace(fixes.t_s[0], fixes.t_s[-1], int(np.clip(number, *BLOCKS)) + 1)
+    block = np.searchsorted(edges[1:-1], fixes.t_s)
+    return [fixes.where(block != k) for k in range(len(edges) - 1)]
+
+
+def jackknife_sigma(values: Sequence[float] | FloatArray) -> float:
+    """Return the standard deviation of an estimate from those (n,) without one part of the data each."""
+    return float(np.sqrt((len(values) - 1) * np.var(values)))
 
 
 def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float) -> float:
