@@ -5,7 +5,7 @@ import pytest
 from synthetic_fixes import fixes_at, trajectory
 
 from vgps.config import SensorsConfig
-from vgps.gps.video_speed import refined_video_speed, search_video_speed
+from vgps.gps.video_speed import refined_video_speed, search_video_speed, usual_video_speed
 
 NONE = np.zeros(3)
 SETTINGS = SensorsConfig()
@@ -94,7 +94,23 @@ def test_without_fixes_or_motion_there_is_none():
     assert found((motion[0], np.zeros_like(motion[1])), log, 3.0, 40.0) is None
 
 
-def test_a_speed_that_is_almost_right_is_refined():
-    motion = wandering(2, 50.0)
-    path = played(motion, 0.98, 40.0)
-    assert refined_video_speed(path, 0.0, log_of(motion, 2), NONE, SETTINGS) == pytest.approx(0.98, rel=3e-3)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_speed_that_is_almost_right_is_refined_and_its_sigma_holds(seed):
+    motion = wandering(seed, 50.0)
+    speed, sigma = refined_video_speed(played(motion, 0.98, 40.0), 0.0, log_of(motion, seed), NONE, SETTINGS)
+    assert abs(np.log(speed / 0.98)) < 3.0 * sigma and sigma < 0.01
+
+
+@pytest.mark.parametrize(
+    ("speed", "sigma", "usual"),
+    [
+        (1.994, 0.003, 2.0),
+        (0.2493, 0.002, 0.25),
+        (15.02, 0.001, 15.0),
+        (3.3, 0.003, None),
+        (1.994, 0.0005, None),  # four standard deviations away
+        (60.0, 0.003, None),  # as likely by chance
+    ],
+)
+def test_a_speed_that_may_be_a_whole_number_is_one(speed, sigma, usual):
+    assert usual_video_speed(speed, sigma) == usual

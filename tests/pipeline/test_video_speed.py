@@ -10,7 +10,7 @@ import vgps
 from vgps.config import Config, SensorsConfig
 from vgps.errors import GeometryError
 from vgps.evaluation import evaluate
-from vgps.gps.video_speed import ShownSpeed
+from vgps.gps.video_speed import USUAL_SIGMA, ShownSpeed
 from vgps.pipeline import video_speed
 from vgps.pipeline.front_end import run_front_end
 from vgps.pipeline.video_speed import with_right_speed, with_video_speed
@@ -35,12 +35,22 @@ def lapsed(data_dir):
 @pytest.mark.slow
 def test_a_time_lapse_has_the_path_of_the_drive(data_dir, lapsed):
     front_end, changed = with_right_speed(*lapsed, NoProgress())
-    assert changed.sensors.video_speed == pytest.approx(2.0, rel=0.01)
+    assert changed.sensors.video_speed == 2.0 and changed.sensors.estimate_time_offset == "auto"
+    assert front_end.sensors.clock_rate_sigma == USUAL_SIGMA
     truth = read_trajectory(data_dir / "kitti07/truth.tum")
     np.testing.assert_allclose(front_end.t_s, truth.t_s, atol=0.1)
     centres = np.concatenate([one.poses[:, :3, 3] for one in front_end.maps])
     assert np.linalg.norm(centres - truth.world_T_camera[:, :3, 3], axis=1).mean() < 1.0
     assert sum("times as fast as time passes" in note for note in front_end.recording.notes) == 1
+
+
+@pytest.mark.slow
+def test_a_speed_that_is_no_whole_number_has_a_sigma_and_what_is_left_of_it_is_estimated(lapsed, monkeypatch):
+    monkeypatch.setattr(video_speed, "refined_video_speed", lambda *_: (1.0005, 0.01))
+    monkeypatch.setattr(video_speed, "usual_video_speed", lambda *_: None)
+    front_end, changed = with_right_speed(*lapsed, NoProgress())
+    assert changed.sensors.video_speed == pytest.approx(2.0, rel=0.02)
+    assert changed.sensors.estimate_time_offset == "yes" and front_end.sensors.clock_rate_sigma >= 0.01
 
 
 @pytest.mark.slow

@@ -25,6 +25,8 @@ _OFFSET_STEP_S = 0.25
 _FINE: FloatArray = 0.1 * np.arange(-10.0, 11.0)  # steps
 _APART = 0.2  # in the logarithm: speeds that must not explain the fixes as well
 _COMPARED = 12  # speeds, the best among their neighbours
+USUAL_SIGMA = 5e-4  # relative: 29.97 frames a second are taken for 30
+_STRONG = 10.0  # evidence (Jeffreys)
 _MIN_DOUBTFUL_PAIRS = 10  # of fixes: fewer have the shape of some part of a path by chance
 
 
@@ -81,19 +83,39 @@ def search_video_speed(
     certain = bool(clear and all(clear) and bounded)
     if not _is_explained(best.misfit) or not (certain or len(best.misfit.left) >= _MIN_DOUBTFUL_PAIRS):
         return None
-    return ShownSpeed(float(np.exp(search.refined(best).log)), certain)
+    return ShownSpeed(float(np.exp(search.refined(best)[0].log)), certain)
 
 
 def refined_video_speed(
     path: Trajectory, first_s: float, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
-) -> float:
-    """Return the speed of a video whose frames have almost their right times, near one.
+) -> tuple[float, float]:
+    """Return the speed of a video whose frames have almost their right times, near one, and its relative
+    standard deviation.
 
     Args:
         path, first_s, fixes, camera_p_antenna, config: As for :func:`search_video_speed`.
     """
     search = _Search(path, first_s, fixes, camera_p_antenna, config)
-    return float(np.exp(search.refined(search.misfit(0.0, search.offsets_s)).log))
+    found, sigma = search.refined(search.misfit(0.0, search.offsets_s))
+    return float(np.exp(found.log)), sigma
+
+
+def usual_video_speed(speed: float, sigma: float) -> float | None:
+    """Return the whole number of times that a video plays faster, or slower; None unless that is much
+    likelier than any other speed.
+
+    So are time-lapses and slow motion made, to ``USUAL_SIGMA``.
+
+    Args:
+        speed: As found.
+        sigma: Its relative standard deviation.
+    """
+    times = max(round(max(speed, 1.0 / speed)), 1)
+    usual = float(times) if speed > 1.0 else 1.0 / times
+    spread = float(np.hypot(sigma, USUAL_SIGMA))
+    density = np.exp(-0.5 * (np.log(speed / usual) / spread) ** 2) / (np.sqrt(2.0 * np.pi) * spread)
+    # others that are nearest to it are as likely, and spread over 1 / times in the logarithm
+    return usual if density > _STRONG * times else None
 
 
 def _lowest(left: FloatArray) -> list[int]:
@@ -107,6 +129,14 @@ def _is_explained(misfit: Misfit) -> bool:
     """Return whether a path explains fixes; a few pairs always leave little."""
     residuals = 2.0 * len(misfit.left)
     return misfit.share * residuals < EXPLAINED_SHARE * misfit.degrees_of_freedom
+
+
+def _spread(tried: list[_Speed], best: _Speed) -> float:
+    """Return the standard deviation of the logarithm of the speed by the likelihoods of some."""
+    less = np.array([one.misfit.cost - best.misfit.cost for one in tried])
+    share = np.exp(-0.5 * best.misfit.degrees_of_freedom * less)
+    away = np.array([one.log for one in tried]) - best.log
+    return float(np.sqrt(share @ away**2 / share.sum()))
 
 
 class _Search:
@@ -156,11 +186,20 @@ class _Search:
         tried = [_Speed(log, x, misfit_at(seen, self._fixes, x, self._config)) for x in offsets_s.tolist()]
         return min(tried, key=lambda one: one.misfit.cost)
 
-    def refined(self, near: _Speed) -> _Speed:
-        """Return the best speed near one that is right to a step."""
-        logs: FloatArray = near.log + self._step(near.log) * _FINE
-        offsets_s: FloatArray = near.offset_s + 2.0 * _OFFSET_STEP_S * _FINE
-        return min((self.misfit(log, offsets_s) for log in logs.tolist()), key=lambda one: one.misfit.cost)
+    def refined(self, near: _Speed) -> tuple[_Speed, float]:
+        """Return the best speed near one that is right to a step, and its relative standard deviation.
+
+        That is the spread of the likelihood, on the finer grid if it is narrower than a step of the other.
+        """
+        sigma = 0.0
+        for finer in (1.0, 0.2):
+            step = finer * self._step(near.log)
+            offsets_s: FloatArray = near.offset_s + finer * 2.0 * _OFFSET_STEP_S * _FINE
+            tried = [self.misfit(log, offsets_s) for log in (near.log + step * _FINE).tolist()]
+            near = min(tried, key=lambda one: one.misfit.cost)
+            if sigma < step:
+                sigma = _spread(tried, near)
+        return near, sigma
 
     def logs(self) -> FloatArray:
         """Return the speeds (n,) that are compared, by which fixes may last as long as the video."""

@@ -8,7 +8,13 @@ from vgps.config import Config
 from vgps.errors import GeometryError, GpsLogError
 from vgps.gps.clock_search import levelled
 from vgps.gps.fixes import Fixes
-from vgps.gps.video_speed import EXPLAINED_SHARE, refined_video_speed, search_video_speed
+from vgps.gps.video_speed import (
+    EXPLAINED_SHARE,
+    USUAL_SIGMA,
+    refined_video_speed,
+    search_video_speed,
+    usual_video_speed,
+)
 from vgps.model import FloatArray, Recording
 from vgps.pipeline.front_end import FrontEnd, run_front_end
 from vgps.pipeline.gps_clock import unexplained, with_gps_clock
@@ -51,24 +57,28 @@ def with_right_speed(front_end: FrontEnd, config: Config, progress: Progress) ->
     if not shown.is_certain:
         note = _DOUBTFUL.format(shown.speed)
         return replace(compared, warnings=(*compared.warnings, note)), config
-    speed = shown.speed
+    speed, estimate = shown.speed, "yes"
     progress.stage("again at the speed that the video shows")
     try:
         for _ in range(_MOST_RUNS):
-            changes = {"video_speed": speed, "estimate_time_offset": "yes"}
+            changes = {"video_speed": speed, "estimate_time_offset": estimate}
             changed = config.model_copy(update={"sensors": sensors.model_copy(update=changes)})
             noted = _noted(compared.recording, speed)
             again = with_gps_clock(run_front_end(noted, changed, progress), changed)
             seen = _seen(again, changed)
             if seen is None or unexplained(again, changed) > EXPLAINED_SHARE:
                 return compared, config
-            rest = refined_video_speed(*seen, sensors)
-            if abs(np.log(rest)) < _SETTLED:
+            rest, sigma = refined_video_speed(*seen, sensors)
+            better, estimate = speed * rest, "yes"  # what is left of a speed looks like a time offset
+            if (usual := usual_video_speed(better, sigma)) is not None:
+                better, sigma, estimate = usual, USUAL_SIGMA, sensors.estimate_time_offset
+            if estimate == changes["estimate_time_offset"] and abs(np.log(better / speed)) < _SETTLED:
                 break
-            speed *= rest
+            speed = better
     except (GeometryError, GpsLogError, np.linalg.LinAlgError):  # the first run had a path
         return compared, config
-    return again, changed
+    rate_sigma = max(again.sensors.clock_rate_sigma, sigma)
+    return replace(again, sensors=replace(again.sensors, clock_rate_sigma=rate_sigma)), changed
 
 
 def _seen(front_end: FrontEnd, config: Config) -> tuple[Trajectory, float, Fixes, FloatArray] | None:
