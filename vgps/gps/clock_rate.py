@@ -13,16 +13,10 @@ from scipy.optimize import minimize_scalar
 
 from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes
+from vgps.gps.jackknife import BLOCKS, jackknife_sigma, without_blocks
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M, NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import TimeOffset
-from vgps.gps.time_offset import (
-    BLOCKS,
-    best_time_offset,
-    compared_fixes,
-    jackknife_sigma,
-    min_gain,
-    without_blocks,
-)
+from vgps.gps.time_offset import best_time_offset, compared_fixes, min_gain
 from vgps.model import FloatArray
 from vgps.solution import GpsClock, Trajectory
 

@@ -8,7 +8,6 @@ offset while a vehicle keeps accelerating or turning. So the displacements are c
 factor for every time offset.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,9 @@ from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 from vgps.config import Config, SensorsConfig
 from vgps.gps.fixes import Fixes, one_per_interval
+from vgps.gps.jackknife import jackknife_sigma, without_blocks
 from vgps.gps.neighbour_pairs import NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
-from vgps.model import FloatArray
 from vgps.solution import Trajectory
 
 _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
@@ -26,7 +25,6 @@ _NO_INFORMATION = 1e-6  # per square second
 _SPACING_S = 1.0  # of fixes that are compared: receivers filter their positions
 _MIN_SPACINGS = 20  # in a log: those of a short one are shorter
 _MIN_PAIRS = 8  # for a jackknife
-BLOCKS = 4, 10  # of it, at least and at most
 
 
 def estimate_time_offset(
@@ -65,15 +63,12 @@ def update_time_offset(
     prior = TimeOffset.from_config(config)
     if not prior.sigma_s:
         return sensors, ()
-    pairs, best = _compared(path, spaced(fixes, spacing_s(fixes)), sensors, prior, config)
-    change_s = abs(best.time_offset_s - prior.time_offset_s)
-    observable = best.sigma_s < config.time_offset.shown_share * prior.sigma_s
-    chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, best.sigma_s))
-    # the best value of a grid may be precise by chance: it must explain the fixes better than the prior
-    tried = 1.0 + 2.0 * config.time_offset.search_sigmas * prior.sigma_s / best.sigma_s
-    needed = min_gain(config.significance_sigmas, pairs.degrees_of_freedom, tried)
-    significant = change_s > chance_s and pairs.gain(best.time_offset_s, prior.time_offset_s) > needed
-    if observable and (config.estimate_time_offset == "yes" or significant):
+    compared = spaced(fixes, spacing_s(fixes))
+    pairs = neighbour_pairs(path, compared, sensors.camera_p_antenna, prior, config.time_offset)
+    best = best_time_offset(pairs, prior)
+    if _is_shown(best, pairs, prior, config):
+        best = _over_parts(best, pairs, path, compared, sensors, config)
+    if _is_shown(best, pairs, prior, config):
         # the path was fitted before at another time offset, which may hide part of it: a wider prior
         sigma_s = float(np.hypot(best.sigma_s, config.trusted_time_offset_s))
         return sensors.with_time_offset(TimeOffset(best.time_offset_s, sigma_s)), (
@@ -81,7 +76,7 @@ def update_time_offset(
             "shifted accordingly",
         )
     held = replace(sensors.with_time_offset(TimeOffset(config.time_offset_s, 0.0)), by_displacements=best)
-    if observable or not fixes.used.any():
+    if _is_observable(best, prior, config) or not fixes.used.any():
         return held, ()
     return held, (
         "the motion does not determine the time offset between video and GPS (standard deviation "
@@ -222,38 +217,46 @@ def _shown(sensors: Sensors, path: Trajectory, fixes: Fixes, config: SensorsConf
     return replace(found, sigma_s=sigma_s)
 
 
-def _compared(
-    path: Trajectory, fixes: Fixes, sensors: Sensors, prior: TimeOffset, config: SensorsConfig
-) -> tuple[NeighbourPairs, TimeOffset]:
-    """Return the pairs of fixes, and the best time offset with its standard deviation.
+def _is_observable(best: TimeOffset, prior: TimeOffset, config: SensorsConfig) -> bool:
+    """Return whether displacements know a time offset better than its prior."""
+    return best.sigma_s < config.time_offset.shown_share * prior.sigma_s
 
-    That is no less than a jackknife's which leaves out one part of the video after the other: on a bend the
-    drift of the video's heading looks like a time offset for longer than from one pair to the next.
+
+def _is_shown(best: TimeOffset, pairs: NeighbourPairs, prior: TimeOffset, config: SensorsConfig) -> bool:
+    """Return whether displacements show a time offset; one that is to be estimated anyway if they know it.
+
+    The best value of a grid may be precise by chance: it must explain the fixes better than the prior.
     """
-    antenna, settings = sensors.camera_p_antenna, config.time_offset
-    pairs = neighbour_pairs(path, fixes, antenna, prior, settings)
-    best = best_time_offset(pairs, prior)
+    if not _is_observable(best, prior, config) or config.estimate_time_offset == "yes":
+        return _is_observable(best, prior, config)
+    change_s = abs(best.time_offset_s - prior.time_offset_s)
+    chance_s = config.significance_sigmas * float(np.hypot(config.trusted_time_offset_s, best.sigma_s))
+    tried = 1.0 + 2.0 * config.time_offset.search_sigmas * prior.sigma_s / best.sigma_s
+    needed = min_gain(config.significance_sigmas, pairs.degrees_of_freedom, tried)
+    return change_s > chance_s and pairs.gain(best.time_offset_s, prior.time_offset_s) > needed
+
+
+def _over_parts(
+    best: TimeOffset,
+    pairs: NeighbourPairs,
+    path: Trajectory,
+    fixes: Fixes,
+    sensors: Sensors,
+    config: SensorsConfig,
+) -> TimeOffset:
+    """Return a time offset with a standard deviation no less than a jackknife's over parts of the video.
+
+    On a bend the drift of the video's heading looks like a time offset for longer than from one pair to the
+    next.
+    """
     if pairs.count < _MIN_PAIRS:
-        return pairs, best
+        return best
+    prior, settings = TimeOffset.from_config(config), config.time_offset
     parts = without_blocks(fixes, int(np.ptp(path.t_s) / settings.knot_s))
-    others = [
-        best_time_offset(neighbour_pairs(path, part, antenna, prior, settings), prior) for part in parts
-    ]
-    jackknife_s = jackknife_sigma([other.time_offset_s for other in others])
+    others = (neighbour_pairs(path, part, sensors.camera_p_antenna, prior, settings) for part in parts)
+    jackknife_s = jackknife_sigma([best_time_offset(other, prior).time_offset_s for other in others])
     under_prior_s = jackknife_s / float(np.hypot(1.0, jackknife_s / prior.sigma_s))
-    return pairs, replace(best, sigma_s=max(best.sigma_s, under_prior_s))
-
-
-def without_blocks(fixes: Fixes, number: int) -> list[Fixes]:
-    """Return the fixes without those of one part of the video after the other, of about ``number``."""
-    edges = np.linspace(fixes.t_s[0], fixes.t_s[-1], int(np.clip(number, *BLOCKS)) + 1)
-    block = np.searchsorted(edges[1:-1], fixes.t_s)
-    return [fixes.where(block != k) for k in range(len(edges) - 1)]
-
-
-def jackknife_sigma(values: Sequence[float] | FloatArray) -> float:
-    """Return the standard deviation of an estimate from those (n,) without one part of the data each."""
-    return float(np.sqrt((len(values) - 1) * np.var(values)))
+    return replace(best, sigma_s=max(best.sigma_s, under_prior_s))
 
 
 def min_gain(significance_sigmas: float, degrees_of_freedom: int, values: float) -> float:
