@@ -72,7 +72,7 @@ def with_gps_clock(front_end: FrontEnd, config: Config) -> FrontEnd:
 
 
 def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) -> tuple[FrontEnd, Config]:
-    """Return the front end with the GPS clock compared; if it is far off, of stages A to C run again.
+    """Return the front end with the GPS clock compared; if it is off, of stages A to C run again.
 
     A guessed lens that is wrong bends a path, too, so the video alone is asked for it first. A path that was
     torn to the fixes may show nothing. Then one that was built without them shows the offset.
@@ -86,7 +86,6 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
             clock = clock_by_shape(alone, compared.fixes, config)
             if clock.turned_deg:
                 return replace(compared, clock=clock), config
-            clock = clock._replace(torn=True)
         if (other := _other(clock, config)) is None:
             return compared, config
         progress.stage("again with the GPS clock that the video shows")
@@ -104,7 +103,7 @@ def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress:
     """
     compared = with_gps_clock(front_end, config)
     recording, clock = compared.recording, compared.clock
-    if clock is None or not (clock.torn or _other(clock, config)):
+    if clock is None or not (clock.torn or clock.other or _far(clock, config)):
         return compared
     if not recording.guesses or config.intrinsics.refine == "no" or front_end.others:
         return compared
@@ -160,15 +159,14 @@ def _beyond(clock: ClockCheck, config: Config, reach_s: float) -> float | None:
 
 
 def _other(clock: ClockCheck | None, config: Config) -> GpsClock | None:
-    """Return the clock that the video shows if stages A to C need it.
+    """Return the clock that the video shows beyond doubt, if it is not the configured one.
 
-    Where the fixes have torn the path they do so even if the search about the configured one reaches it.
+    Fixes have bent the path of stages A to C otherwise, or torn it, which stage D does not mend.
     """
     if clock is None or clock.other is not None:
         return None if clock is None else clock.other
     sensors = config.sensors
-    trusted_s = sensors.significance_sigmas * sensors.trusted_time_offset_s
-    other_s = _beyond(clock, config, trusted_s if clock.torn else sensors.time_offset_reach_s)
+    other_s = _beyond(clock, config, sensors.significance_sigmas * sensors.trusted_time_offset_s)
     return None if other_s is None else GpsClock(other_s, sensors.clock_rate)
 
 

@@ -164,6 +164,21 @@ def test_places_of_rtk_fixes_improve_what_is_certain(monkeypatch, good, prior, i
     assert plain(trial(monkeypatch, [], certain, good)) == (plain(expected), [])
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("told", [FixClass.RTK_FIX, FixClass.RTK_FLOAT])
+def test_a_rough_solution_improves_what_is_certain_if_there_are_rtk_fixes(told):
+    """Else the calibration that is refined by it would suit the time offset that was held."""
+    problem, true, _, exact = scene(disturbed=0.2)
+    made, _ = scene_of_map(map_of(problem, 0, len(true) - 1), 0, NO_CONTROL_OBSERVATIONS)
+    fixes = replace(
+        exact, t_s=exact.t_s + 0.2, fix_class=np.full(len(exact), CLASSES.index(told), dtype=np.int64)
+    )
+    one_round = replace(context(settings(batch={"video_sigma_scale": 1.0, "rounds": 1})), rough=True)
+    certain = HELD.with_time_offset(TimeOffset(0.25, 0.05))
+    found = optimise_batch(made, fixes, certain, one_round).sensors.time_offset_s
+    assert found == (pytest.approx(0.2, abs=0.02) if told is FixClass.RTK_FIX else 0.25)
+
+
 def test_what_is_within_a_sigma_is_not_tried(monkeypatch):
     after, again = trial(monkeypatch, [TimeOffset(0.025, 0.02)])
     assert (decided(after), again) == (plain(HELD), [])

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
+from scipy.linalg import block_diag
 
 from vgps.model import FloatArray
 from vgps.smoothing.calibration.camera_equations import CameraEquations, ReducedEquations
@@ -82,18 +83,28 @@ def parameter_step(
 def without_poses(
     linear: Linearisation, structure: SparsityStructure, equations: ReducedEquations
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Hessian (p, p) and gradient (p,) of parameters without the poses, and how these follow.
+    """Return Hessian (p, p) and gradient (p,) of parameters without poses and shared vectors, and how poses
+    follow.
 
     The last is (6 n_free, p + 1): the step of poses and states is minus its first columns times that of the
-    parameters, minus its last column.
+    parameters, minus its last column. Time offset and lever arm follow, too: held, they would hold a focal
+    length that suits them.
 
     Raises:
         NotPositiveDefiniteError: The poses are not determined.
     """
-    V = equations.coupling
+    V, border, p = equations.coupling, linear.border, len(equations.gradient)
     matrix, pose_gradient = reduce_to_poses(linear, structure, _DAMPING)
-    follow = structure.cholesky(matrix).solve(np.column_stack([V, pose_gradient]))
-    return equations.hessian - V.T @ follow[:, :-1], equations.gradient - V.T @ follow[:, -1], follow
+    right = np.column_stack([V, border.coupling, pose_gradient])
+    follow = structure.cholesky(matrix).solve(right)
+    left = right[:, :-1].T @ follow
+    own = [equations.hessian, border.hessian]
+    hessian = block_diag(*own) - left[:, :-1]
+    gradient = np.concatenate([equations.gradient, border.gradient]) - left[:, -1]
+    shared = np.linalg.solve(hessian[p:, p:], np.column_stack([hessian[p:, :p], gradient[p:]]))
+    follow = follow[:, [*range(p), -1]] - follow[:, p:-1] @ shared
+    reduced = hessian[:p, :p] - hessian[:p, p:] @ shared[:, :-1]
+    return reduced, gradient[:p] - hessian[:p, p:] @ shared[:, -1], follow
 
 
 def _moved(part: LinearisedChunk, J: FloatArray, delta: FloatArray) -> LinearisedChunk:

@@ -26,7 +26,7 @@ from vgps.smoothing.scene.scene import Scene
 from vgps.smoothing.scene.triangulation import triangulated
 from vgps.smoothing.stage_d.batch_problem import BatchInput, batch_problem
 from vgps.smoothing.stage_d.batch_result import BatchResult, BatchSolution, batch_result, report_with_warnings
-from vgps.smoothing.stage_d.clock_check import with_shown_clock
+from vgps.smoothing.stage_d.clock_check import with_certain_clock, with_shown_clock
 from vgps.smoothing.stage_d.fix_conflicts import find_conflicts, with_conflicts
 from vgps.smoothing.stage_d.imu_states import start_imu
 from vgps.smoothing.stage_d.lever_arm_check import with_possible_antenna
@@ -69,6 +69,8 @@ def optimise_batch(
     assessment = assessment or FixAssessment.unassessed(len(fixes))
     iterations, given = 0, context.cameras
     errors = largest_errors(config.gps) if config.batch.rounds > 1 else {}
+    if context.rough:
+        sensors = with_certain_clock(sensors, assessment.applied(fixes), config)
     state = _State(scene, sensors, assessment, context, errors, start_imu(scene, context))
     if config.start.flies:
         state = _with_ground(state, scene.observations, fixed)

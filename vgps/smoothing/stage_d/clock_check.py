@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from vgps.config import SensorsConfig
+from vgps.config import Config, SensorsConfig
 from vgps.errors import GeometryError
-from vgps.gps.fixes import CLASSES
+from vgps.gps.fixes import CLASSES, Fixes
 from vgps.gps.sensors import TIME_OFFSET, Sensors, TimeOffset
 from vgps.gps.time_offset import (
     agree_exactly,
@@ -74,7 +74,7 @@ def with_shown_clock(
     if decided.prior_time_offset.sigma_s:
         return decided, solved
     # poses of RTK-fixes compare what displacements have shown again
-    kept = prior if _rtk_fix_share(solved) > _MOSTLY else agreed
+    kept = prior if _rtk_fix_share(solved.given.fixes) > _MOSTLY else agreed
     unknown_s = decided.held_sigma_s if decided.held_sigma_s > prior.sigma_s else 0.0
     return replace(decided, prior_time_offset=kept, shown_by_poses=True, held_sigma_s=unknown_s), solved
 
@@ -104,9 +104,7 @@ def _decided(
     shown_before = sensors.prior_time_offset.sigma_s > 0.0
     prior, held_sigma_s = TimeOffset.from_config(settings), 0.0
     if shown_before and sensors.probability == 1.0:
-        share = _rtk_fix_share(solved)
-        kept = prior if share > _MOSTLY else sensors.prior_time_offset
-        return replace(sensors, prior_time_offset=kept, shown_by_poses=share > 0.0), solved
+        return with_certain_clock(sensors, solved.given.fixes, config), solved
     try:
         shown = _shown(solved, prior)
         if (accepted := _tried(sensors, shown, settings, solve)) is not None:
@@ -120,9 +118,21 @@ def _decided(
     return replace(held, held_sigma_s=held_sigma_s), solve(held)
 
 
-def _rtk_fix_share(solved: BatchSolution) -> float:
+def with_certain_clock(sensors: Sensors, fixes: Fixes, config: Config) -> Sensors:
+    """Return sensors with a time offset that displacements show beyond doubt, for poses to improve.
+
+    So they do in rough solutions, too: a calibration that is refined while a time offset is held suits that.
+    """
+    certain = sensors.prior_time_offset.sigma_s > 0.0 and sensors.probability == 1.0
+    if not (certain and config.gps.has_memory and fixes.used.any()):
+        return sensors
+    share = _rtk_fix_share(fixes)
+    kept = TimeOffset.from_config(config.sensors) if share > _MOSTLY else sensors.prior_time_offset
+    return replace(sensors, prior_time_offset=kept, shown_by_poses=share > 0.0)
+
+
+def _rtk_fix_share(fixes: Fixes) -> float:
     """Return the share of RTK-fixes among those that count."""
-    fixes = solved.given.fixes
     return float(np.mean(fixes.fix_class[fixes.used] == CLASSES.index(FixClass.RTK_FIX)))
 
 
@@ -207,7 +217,7 @@ def _tried(
     unclear = found.sigma_s > settings.time_offset.shown_share * prior.sigma_s
     if unclear or _contradicts(sensors.by_displacements, found, settings):
         return None
-    if _rtk_fix_share(tried) > _MOSTLY:
+    if _rtk_fix_share(tried.given.fixes) > _MOSTLY:
         return trial, tried
     # the end of this round moves it as the trial did
     moved_s = trial.moved(tried.result.problem.shared).time_offset_s - trial.time_offset_s
