@@ -54,6 +54,23 @@ def test_a_video_that_plays_at_another_speed_has_the_shape_of_the_log(speed, wan
     assert speed_found == pytest.approx(speed, rel=0.015)
 
 
+@pytest.mark.parametrize(("speed", "late_s"), [(3.0, 20.0), (0.5, -8.0)])
+def test_a_speed_is_found_though_the_clocks_are_far_apart(speed, late_s):
+    motion = wandering(1, 90.0)
+    log = log_of(motion, 1)
+    later = replace(log, t_s=log.t_s + late_s)
+    shown = search_video_speed(played(motion, speed, 40.0), 0.0, later, NONE, SETTINGS)
+    assert shown is not None and shown.is_certain and shown.speed == pytest.approx(speed, rel=0.015)
+    assert shown.time_offset_s == pytest.approx(late_s, abs=0.3)
+
+
+def test_clocks_that_are_far_apart_are_no_speed():
+    motion = wandering(1, 90.0)
+    log = log_of(motion, 1)
+    later = replace(log, t_s=log.t_s + 20.0)
+    assert search_video_speed(played(motion, 1.0, 40.0), 0.0, later, NONE, SETTINGS) is None
+
+
 @pytest.mark.slow
 def test_minutes_that_last_seconds_are_found_though_half_a_percent_is_a_turn():
     motion = wandering(4, 310.0)

@@ -45,6 +45,17 @@ def test_a_time_lapse_has_the_path_of_the_drive(data_dir, lapsed):
 
 
 @pytest.mark.slow
+def test_a_time_lapse_whose_clocks_are_far_apart_has_its_time_offset(lapsed):
+    front_end, config = lapsed
+    late = replace(front_end.recording.gps, t_s=front_end.recording.gps.t_s + 5.0)
+    recording = replace(front_end.recording, gps=late)
+    _, changed = with_right_speed(run_front_end(recording, config, NoProgress()), config, NoProgress())
+    assert changed.sensors.video_speed == pytest.approx(2.0, rel=0.01)
+    assert changed.sensors.time_offset_s == pytest.approx(5.0, abs=0.3)
+    assert changed.sensors.estimate_time_offset == "yes"
+
+
+@pytest.mark.slow
 def test_a_speed_that_is_no_whole_number_has_a_sigma_and_what_is_left_of_it_is_estimated(lapsed, monkeypatch):
     monkeypatch.setattr(video_speed, "refined_video_speed", lambda *_: (1.0005, 0.01))
     monkeypatch.setattr(video_speed, "usual_video_speed", lambda *_: None)

@@ -18,7 +18,7 @@ from vgps.gps.time_offset import compared_fixes
 from vgps.model import FloatArray
 from vgps.solution import GpsClock, Trajectory
 
-_REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
+REACH_S = 60.0  # to either side; GPS time, taken for UTC, is 18 s ahead
 _STEP_S = 0.2  # a fraction of the time that a turn takes
 _FINE_STEP_S = 0.02  # around the offset found: a run that begins nearer to the right one ends nearer to it
 _MIN_SHARE = 0.5  # of the pairs that the best overlap has
@@ -88,7 +88,7 @@ def _searched(
     path: Trajectory, fixes: Fixes, camera_p_antenna: FloatArray, config: SensorsConfig
 ) -> tuple[FloatArray, list[Misfit], FloatArray]:
     """Return the time offsets (n,), what is left at each, and its cost, infinite without enough pairs."""
-    offsets_s = config.time_offset_s + np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
+    offsets_s = config.time_offset_s + np.arange(-REACH_S, REACH_S + _STEP_S / 2, _STEP_S)
     found = _misfits(offsets_s, path, fixes, camera_p_antenna, config)
     pairs = np.array([len(one.left) for one in found])
     overlapping = pairs >= max(MIN_PAIRS, _MIN_SHARE * pairs.max())

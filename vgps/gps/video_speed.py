@@ -12,6 +12,7 @@ import numpy as np
 
 from vgps.config import SensorsConfig
 from vgps.gps.clock_misfit import MIN_PAIRS, Misfit, misfit_at, seen_antenna
+from vgps.gps.clock_search import REACH_S
 from vgps.gps.fixes import Fixes
 from vgps.gps.time_offset import compared_fixes
 from vgps.model import FloatArray
@@ -24,6 +25,7 @@ _SHIFT_S = 1.6  # of the last frame by a step, at most: about as long as a turn
 _OFFSET_STEP_S = 0.25
 _FINE: FloatArray = 0.1 * np.arange(-10.0, 11.0)  # steps
 _APART = 0.2  # in the logarithm: speeds that must not explain the fixes as well
+_LONG_S = 600.0  # of a video, whose speeds are not compared at time offsets of a minute: that takes minutes
 _COMPARED = 12  # speeds, the best among their neighbours
 USUAL_SIGMA = 5e-4  # relative: 29.97 frames a second are taken for 30
 _STRONG = 10.0  # evidence (Jeffreys)
@@ -36,10 +38,12 @@ class ShownSpeed(NamedTuple):
     Attributes:
         speed: Seconds that pass in a second of the video.
         is_certain: Whether no other one explains them nearly as well.
+        time_offset_s: Of the fixes at that speed, if it is beyond the search about the configured one.
     """
 
     speed: float
     is_certain: bool
+    time_offset_s: float | None = None
 
 
 class _Speed(NamedTuple):
@@ -55,6 +59,8 @@ def search_video_speed(
 ) -> ShownSpeed | None:
     """Return the speed that explains the fixes if that of time does not; None if none does.
 
+    Where none does near the configured time offset, one that does so beyond doubt at another one counts.
+
     Args:
         path: Of the video alone, level; every scale and heading will do.
         first_s: Time of the video's first frame.
@@ -64,10 +70,26 @@ def search_video_speed(
     """
     if np.count_nonzero(fixes.used) <= MIN_PAIRS or len(path.t_s) < 2:
         return None
-    search = _Search(path, first_s, fixes, camera_p_antenna, config)
-    as_time = search.misfit(0.0, search.offsets_s)
+    near = _Search(path, first_s, fixes, camera_p_antenna, config)
+    as_time = near.misfit(0.0, near.offsets_s)
     if _is_explained(as_time.misfit):
         return None
+    if (shown := _shown(near, as_time, config)) is not None or np.ptp(path.t_s) > _LONG_S:
+        return shown
+    far = _Search(path, first_s, fixes, camera_p_antenna, config, REACH_S)
+    as_time = far.misfit(0.0, far.offsets_s)
+    shown = None if _is_explained(as_time.misfit) else _shown(far, as_time, config)
+    return shown if shown is not None and shown.is_certain else None
+
+
+def _shown(search: "_Search", as_time: _Speed, config: SensorsConfig) -> ShownSpeed | None:
+    """Return the speed that explains the fixes at the time offsets of a search; None if none does.
+
+    Args:
+        search: Path and fixes.
+        as_time: The speed of time, which does not explain them.
+        config: How sure the speed must be.
+    """
     logs = search.logs()
     left, offset_s = search.left_at(logs)
     near_s = _OFFSET_STEP_S * np.arange(-1.0, 2.0)
@@ -83,7 +105,8 @@ def search_video_speed(
     certain = bool(clear and all(clear) and bounded)
     if not _is_explained(best.misfit) or not (certain or len(best.misfit.left) >= _MIN_DOUBTFUL_PAIRS):
         return None
-    return ShownSpeed(float(np.exp(search.refined(best)[0].log)), certain)
+    refined, _ = search.refined(best)
+    return ShownSpeed(float(np.exp(refined.log)), certain, refined.offset_s if search.is_far else None)
 
 
 def refined_video_speed(
@@ -149,13 +172,15 @@ class _Search:
         fixes: Fixes,
         camera_p_antenna: FloatArray,
         config: SensorsConfig,
+        reach_s: float | None = None,
     ) -> None:
         seen = seen_antenna(path, camera_p_antenna)
         self._seen = seen._replace(t_s=seen.t_s - first_s)
         compared = compared_fixes(fixes)
         self._fixes = replace(compared, t_s=compared.t_s - first_s)
         self._config = config.time_offset
-        reach_s = config.time_offset_reach_s
+        self.is_far = reach_s is not None
+        reach_s = config.time_offset_reach_s if reach_s is None else reach_s
         offsets_s = np.arange(-reach_s, reach_s + _OFFSET_STEP_S / 2, _OFFSET_STEP_S)
         self.offsets_s: FloatArray = config.time_offset_s + offsets_s
 
