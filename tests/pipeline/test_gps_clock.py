@@ -14,6 +14,7 @@ from vgps.errors import GpsLogError
 from vgps.evaluation import evaluate
 from vgps.gps.clock_rate import ShownClock
 from vgps.gps.clock_search import ClockCheck
+from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.gps.world_frame import world_fixes
 from vgps.model import CameraGuess
 from vgps.pipeline import camera_refinement, gps_clock
@@ -114,22 +115,49 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(front_end, monkeyp
         assert again.clock.turned_deg == (180.0 if airborne == "no" else 0.0)
 
 
-@pytest.mark.parametrize(("shown_s", "begins_again"), [(0.3, True), (0.05, False), (None, False)])
-@pytest.mark.parametrize("torn", [False, True])
+@pytest.mark.parametrize(
+    ("torn", "shown_s", "said_s", "found_s", "begins", "stays"),
+    [
+        (True, 0.3, 0.0, 0.28, True, True),  # a torn path says nothing
+        (True, 0.05, 0.0, 0.05, False, False),
+        (True, None, 0.3, 0.3, False, False),
+        (False, 0.3, 0.25, 0.28, True, True),
+        (False, 0.3, 0.25, 0.04, True, False),  # clocks may agree after all
+        (False, 0.08, 0.04, 0.05, False, False),
+        (False, 0.04, 0.08, 0.05, False, False),
+    ],
+)
 def test_a_path_is_built_again_with_a_clock_within_the_search(
-    front_end, monkeypatch, torn, shown_s, begins_again
+    front_end, monkeypatch, torn, shown_s, said_s, found_s, begins, stays
 ):
     """Stage D does not mend one that fixes have bent or torn: a walk, 0.26 s early, was 1.3 m off."""
     first = ClockCheck(None, torn=True) if torn else ClockCheck(shown_s)
-    runs, compared = [], iter([first, ClockCheck(0.3)])
-    monkeypatch.setattr(gps_clock, "with_gps_clock", lambda one, _: replace(one, clock=next(compared)))
+    runs, compared = [], iter([(first, said_s), (ClockCheck(0.3), found_s)])
+
+    def with_gps_clock(one, _):
+        clock, time_offset_s = next(compared)
+        return replace(
+            one, clock=clock, sensors=one.sensors.with_time_offset(TimeOffset(time_offset_s, 0.05))
+        )
+
+    monkeypatch.setattr(gps_clock, "with_gps_clock", with_gps_clock)
     monkeypatch.setattr(gps_clock, "clock_by_shape", lambda *_: ClockCheck(shown_s))
     monkeypatch.setattr(gps_clock, "run_front_end", lambda _, config, __: runs.append(config) or front_end)
     found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
-    assert [run.gps.model for run in runs] == ["none"] * torn + [Config().gps.model] * begins_again
-    assert config == (runs[-1] if begins_again else Config())
-    assert config.sensors.time_offset_s == (0.3 if begins_again else 0.0)
-    assert found.clock == (ClockCheck(0.3) if begins_again else first)
+    assert [run.gps.model for run in runs] == ["none"] * torn + [Config().gps.model] * begins
+    assert config == (runs[-1] if stays else Config())
+    assert config.sensors.time_offset_s == (shown_s if stays else 0.0)
+    assert found.sensors.time_offset_s == (found_s if stays else said_s)
+
+
+def test_what_displacements_say_of_a_clock_that_is_held_counts():
+    held = Sensors.fixed(np.zeros(3))
+    doubted = replace(held, by_displacements=TimeOffset(0.09, 0.05))
+    assert gps_clock._by_displacements(held) == 0.0
+    assert gps_clock._by_displacements(doubted) == 0.09
+    assert gps_clock._by_displacements(doubted.with_time_offset(TimeOffset(0.3, 0.02))) == 0.3
+    agreed = replace(doubted.with_time_offset(TimeOffset(0.02, 0.01)), agreed=TimeOffset(0.02, 0.01))
+    assert gps_clock._by_displacements(agreed) == 0.09
 
 
 @pytest.fixture(scope="module")

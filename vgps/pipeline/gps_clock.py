@@ -86,7 +86,8 @@ def with_right_clock(front_end: FrontEnd, config: Config, progress: Progress) ->
             clock = clock_by_shape(alone, compared.fixes, config)
             if clock.turned_deg:
                 return replace(compared, clock=clock), config
-        if (other := _other(clock, config)) is None:
+            clock = clock._replace(torn=True)
+        if (other := _other(clock, compared.sensors, config)) is None:
             return compared, config
         progress.stage("again with the GPS clock that the video shows")
         recording, changed = _with_clock(recording, config, other)
@@ -149,25 +150,46 @@ def clock_by_shape(alone: FrontEnd, fixes: Fixes, config: Config) -> ClockCheck:
 
 def _far(clock: ClockCheck, config: Config) -> float | None:
     """Return the time offset that the video shows if it is beyond the search about the configured one."""
-    return _beyond(clock, config, config.sensors.time_offset_reach_s)
+    if clock.shown_s is None:
+        return None
+    sensors = config.sensors
+    beyond = abs(clock.shown_s - sensors.time_offset_s) > sensors.time_offset_reach_s
+    return clock.shown_s if beyond else None
 
 
-def _beyond(clock: ClockCheck, config: Config, reach_s: float) -> float | None:
-    """Return the time offset that the video shows if it is so far from the configured one."""
-    shown_s = clock.shown_s
-    return shown_s if shown_s is not None and abs(shown_s - config.sensors.time_offset_s) > reach_s else None
-
-
-def _other(clock: ClockCheck | None, config: Config) -> GpsClock | None:
+def _other(clock: ClockCheck | None, sensors: Sensors, config: Config) -> GpsClock | None:
     """Return the clock that the video shows beyond doubt, if it is not the configured one.
 
-    Fixes have bent the path of stages A to C otherwise, or torn it, which stage D does not mend.
+    Fixes have bent the path of stages A to C otherwise, or torn it, which stage D does not mend. In short
+    videos the shape of the path is less precise than the displacements, which have to bear it out if they
+    reach so far.
+
+    Args:
+        clock: What the shape of a path shows.
+        sensors: With what displacements along a path say, unless it is torn.
+        config: The configured clock.
     """
     if clock is None or clock.other is not None:
         return None if clock is None else clock.other
+    other_s = _far(clock, config)
+    if other_s is None and (clock.torn or _differs(_by_displacements(sensors), config)):
+        other_s = clock.shown_s if clock.shown_s is not None and _differs(clock.shown_s, config) else None
+    return None if other_s is None else GpsClock(other_s, config.sensors.clock_rate)
+
+
+def _by_displacements(sensors: Sensors) -> float:
+    """Return the time offset that displacements say, certain or not."""
+    doubted = (
+        None if sensors.prior_time_offset.sigma_s and sensors.agreed is None else sensors.by_displacements
+    )
+    return (doubted or sensors.prior_time_offset).time_offset_s
+
+
+def _differs(time_offset_s: float, config: Config) -> bool:
+    """Return whether clocks that agree to some hundredths of a second do not have a time offset."""
     sensors = config.sensors
-    other_s = _beyond(clock, config, sensors.significance_sigmas * sensors.trusted_time_offset_s)
-    return None if other_s is None else GpsClock(other_s, sensors.clock_rate)
+    trusted_s = sensors.significance_sigmas * sensors.trusted_time_offset_s
+    return abs(time_offset_s - sensors.time_offset_s) > trusted_s
 
 
 def _with_clock(recording: Recording, config: Config, clock: GpsClock) -> tuple[Recording, Config]:
@@ -189,7 +211,8 @@ def _confirmed(again: FrontEnd, before: Config, now: Config) -> bool:
     if changed:
         shown, sensors = again.sensors.clock_rate - before.sensors.clock_rate, again.sensors
         return abs(shown - changed) < 0.5 * abs(changed) and parts_agree(shown, sensors.clock_rate_sigma)
-    return again.clock.shown_s is not None and _far(again.clock, now) is None
+    known = again.clock.shown_s is not None and _far(again.clock, now) is None
+    return known and _differs(again.sensors.time_offset_s, before)
 
 
 def _rate_note(clock: GpsClock, times_s: FloatArray) -> str:

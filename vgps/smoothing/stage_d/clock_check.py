@@ -123,7 +123,8 @@ def with_certain_clock(sensors: Sensors, fixes: Fixes, config: Config) -> Sensor
 
     So they do in rough solutions, too: a calibration that is refined while a time offset is held suits that.
     """
-    certain = sensors.prior_time_offset.sigma_s > 0.0 and sensors.probability == 1.0
+    shown = sensors.prior_time_offset
+    certain = shown.sigma_s > 0.0 and shown != sensors.agreed and sensors.probability == 1.0
     if not (certain and config.gps.has_memory and fixes.used.any()):
         return sensors
     share = _rtk_fix_share(fixes)
