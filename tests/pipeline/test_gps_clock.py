@@ -10,7 +10,7 @@ from fewer_features import fewer_features
 import vgps
 from scripts.benchmarks.rigs import Darkened
 from vgps.config import Config, SensorsConfig
-from vgps.errors import GpsLogError
+from vgps.errors import GeometryError, GpsLogError
 from vgps.evaluation import evaluate
 from vgps.gps.clock_rate import ShownClock
 from vgps.gps.clock_search import ClockCheck
@@ -354,3 +354,18 @@ def test_the_lens_is_seen_whatever_the_fixes_say(guessed):
     elsewhere = replace(guessed.fixes, world_p_fix=guessed.fixes.world_p_fix[::-1].copy())
     assert seen.camera != guessed.recording.camera and seen.guesses == guessed.recording.guesses
     assert with_seen_camera(replace(guessed, fixes=elsewhere), alone).camera == seen.camera
+
+
+def test_a_lens_is_asked_where_clocks_agree_that_were_configured_seconds_apart(monkeypatch, guessed):
+    asked, config = [], Config(sensors=SensorsConfig(time_offset_s=3.0))
+
+    def settled(*_, **__):
+        asked.append(1)
+        raise GeometryError("no path")
+
+    monkeypatch.setattr(gps_clock, "with_gps_clock", lambda one, _: replace(one, clock=ClockCheck(0.0)))
+    monkeypatch.setattr(gps_clock, "with_settled_camera", settled)
+    assert (
+        gps_clock._compared_by_the_right_camera(guessed, config, NoProgress()).recording is guessed.recording
+    )
+    assert asked

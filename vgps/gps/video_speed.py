@@ -214,7 +214,7 @@ class _Search:
     def refined(self, near: _Speed) -> tuple[_Speed, float]:
         """Return the best speed near one that is right to a step, and its relative standard deviation.
 
-        That is the spread of the likelihood, on the finer grid if it is narrower than a step of the other.
+        That is the spread of the likelihood, on the finer grid if that is wide enough for it.
         """
         sigma = 0.0
         for finer in (1.0, 0.2):

@@ -104,7 +104,7 @@ def _compared_by_the_right_camera(front_end: FrontEnd, config: Config, progress:
     """
     compared = with_gps_clock(front_end, config)
     recording, clock = compared.recording, compared.clock
-    if clock is None or not (clock.torn or clock.other or _far(clock, config)):
+    if clock is None or not (clock.torn or clock.other or _far(clock, config) is not None):
         return compared
     if not recording.guesses or config.intrinsics.refine == "no" or front_end.others:
         return compared
@@ -179,10 +179,9 @@ def _other(clock: ClockCheck | None, sensors: Sensors, config: Config) -> GpsClo
 
 def _by_displacements(sensors: Sensors) -> float:
     """Return the time offset that displacements say, certain or not."""
-    doubted = (
-        None if sensors.prior_time_offset.sigma_s and sensors.agreed is None else sensors.by_displacements
-    )
-    return (doubted or sensors.prior_time_offset).time_offset_s
+    held = not sensors.prior_time_offset.sigma_s or sensors.agreed is not None
+    found = sensors.by_displacements if held else None
+    return (found or sensors.prior_time_offset).time_offset_s
 
 
 def _differs(time_offset_s: float, config: Config) -> bool:

@@ -98,8 +98,7 @@ def without_poses(
     right = np.column_stack([V, border.coupling, pose_gradient])
     follow = structure.cholesky(matrix).solve(right)
     left = right[:, :-1].T @ follow
-    own = [equations.hessian, border.hessian]
-    hessian = block_diag(*own) - left[:, :-1]
+    hessian = block_diag(equations.hessian, border.hessian) - left[:, :-1]
     gradient = np.concatenate([equations.gradient, border.gradient]) - left[:, -1]
     shared = np.linalg.solve(hessian[p:, p:], np.column_stack([hessian[p:, :p], gradient[p:]]))
     follow = follow[:, [*range(p), -1]] - follow[:, p:-1] @ shared
