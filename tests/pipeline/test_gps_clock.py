@@ -115,6 +115,9 @@ def test_an_offset_that_the_new_path_does_not_show_is_dropped(front_end, monkeyp
         assert again.clock.turned_deg == (180.0 if airborne == "no" else 0.0)
 
 
+HELD = Sensors.fixed(np.zeros(3))
+
+
 @pytest.mark.parametrize(
     ("torn", "shown_s", "said_s", "found_s", "begins", "stays"),
     [
@@ -132,32 +135,30 @@ def test_a_path_is_built_again_with_a_clock_within_the_search(
 ):
     """Stage D does not mend one that fixes have bent or torn: a walk, 0.26 s early, was 1.3 m off."""
     first = ClockCheck(None, torn=True) if torn else ClockCheck(shown_s)
-    runs, compared = [], iter([(first, said_s), (ClockCheck(0.3), found_s)])
+    doubted = replace(HELD, by_displacements=TimeOffset(said_s, 0.05))
+    found = HELD.with_time_offset(TimeOffset(found_s, 0.05))
+    runs, compared = [], iter([(first, doubted), (ClockCheck(0.3), found)])
 
     def with_gps_clock(one, _):
-        clock, time_offset_s = next(compared)
-        return replace(
-            one, clock=clock, sensors=one.sensors.with_time_offset(TimeOffset(time_offset_s, 0.05))
-        )
+        clock, sensors = next(compared)
+        return replace(one, clock=clock, sensors=sensors)
 
     monkeypatch.setattr(gps_clock, "with_gps_clock", with_gps_clock)
     monkeypatch.setattr(gps_clock, "clock_by_shape", lambda *_: ClockCheck(shown_s))
     monkeypatch.setattr(gps_clock, "run_front_end", lambda _, config, __: runs.append(config) or front_end)
-    found, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
+    kept, config = gps_clock.with_right_clock(front_end, Config(), NoProgress())
     assert [run.gps.model for run in runs] == ["none"] * torn + [Config().gps.model] * begins
     assert config == (runs[-1] if stays else Config())
     assert config.sensors.time_offset_s == (shown_s if stays else 0.0)
-    assert found.sensors.time_offset_s == (found_s if stays else said_s)
+    assert kept.sensors is (found if stays else doubted)
 
 
-def test_what_displacements_say_of_a_clock_that_is_held_counts():
-    held = Sensors.fixed(np.zeros(3))
-    doubted = replace(held, by_displacements=TimeOffset(0.09, 0.05))
-    assert gps_clock._by_displacements(held) == 0.0
-    assert gps_clock._by_displacements(doubted) == 0.09
-    assert gps_clock._by_displacements(doubted.with_time_offset(TimeOffset(0.3, 0.02))) == 0.3
+def test_a_clock_is_doubted_unless_displacements_are_certain():
+    doubted = replace(HELD, by_displacements=TimeOffset(0.09, 0.05))
+    assert gps_clock._is_doubted(doubted, Config()) and not gps_clock._is_doubted(HELD, Config())
+    assert not gps_clock._is_doubted(doubted.with_time_offset(TimeOffset(0.3, 0.02)), Config())
     agreed = replace(doubted.with_time_offset(TimeOffset(0.02, 0.01)), agreed=TimeOffset(0.02, 0.01))
-    assert gps_clock._by_displacements(agreed) == 0.09
+    assert gps_clock._is_doubted(agreed, Config())
 
 
 @pytest.fixture(scope="module")

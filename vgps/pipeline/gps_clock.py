@@ -158,11 +158,11 @@ def _far(clock: ClockCheck, config: Config) -> float | None:
 
 
 def _other(clock: ClockCheck | None, sensors: Sensors, config: Config) -> GpsClock | None:
-    """Return the clock that the video shows beyond doubt, if it is not the configured one.
+    """Return the clock that the video shows beyond doubt, if stages A to C need it.
 
-    Fixes have bent the path of stages A to C otherwise, or torn it, which stage D does not mend. In short
-    videos the shape of the path is less precise than the displacements, which have to bear it out if they
-    reach so far.
+    They do if stage D has no way to it: it is far off, or the fixes have torn the path, or displacements say
+    it as well but are not certain. By the shape alone clocks of short videos may seem to differ by a tenth of
+    a second.
 
     Args:
         clock: What the shape of a path shows.
@@ -171,17 +171,17 @@ def _other(clock: ClockCheck | None, sensors: Sensors, config: Config) -> GpsClo
     """
     if clock is None or clock.other is not None:
         return None if clock is None else clock.other
-    other_s = _far(clock, config)
-    if other_s is None and (clock.torn or _differs(_by_displacements(sensors), config)):
-        other_s = clock.shown_s if clock.shown_s is not None and _differs(clock.shown_s, config) else None
+    other_s, shown_s = _far(clock, config), clock.shown_s
+    if shown_s is not None and _differs(shown_s, config) and (clock.torn or _is_doubted(sensors, config)):
+        other_s = shown_s
     return None if other_s is None else GpsClock(other_s, config.sensors.clock_rate)
 
 
-def _by_displacements(sensors: Sensors) -> float:
-    """Return the time offset that displacements say, certain or not."""
-    held = not sensors.prior_time_offset.sigma_s or sensors.agreed is not None
-    found = sensors.by_displacements if held else None
-    return (found or sensors.prior_time_offset).time_offset_s
+def _is_doubted(sensors: Sensors, config: Config) -> bool:
+    """Return whether displacements say that the clocks differ, but are not certain."""
+    is_certain = sensors.prior_time_offset.sigma_s > 0.0 and sensors.agreed is None
+    said = None if is_certain else sensors.by_displacements
+    return said is not None and _differs(said.time_offset_s, config)
 
 
 def _differs(time_offset_s: float, config: Config) -> bool:
