@@ -76,7 +76,7 @@ def test_a_speed_at_which_there_is_no_path_counts_for_nothing(lapsed, monkeypatc
 
 @pytest.mark.slow
 def test_a_speed_in_doubt_is_told(lapsed, monkeypatch):
-    monkeypatch.setattr(video_speed, "search_video_speed", lambda *_: ShownSpeed(2.0, False))
+    monkeypatch.setattr(video_speed, "search_video_speed", lambda *_: ShownSpeed(2.0, False, 0.0))
     front_end, changed = with_right_speed(*lapsed, NoProgress())
     assert "if the video plays 2 times as fast as time passes" in front_end.warnings[-1]
     assert front_end.recording is lapsed[0].recording and changed is lapsed[1]

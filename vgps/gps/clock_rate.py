@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from vgps.config import SensorsConfig
 from vgps.gps.fixes import Fixes
-from vgps.gps.jackknife import BLOCKS, jackknife_sigma, without_blocks
+from vgps.gps.jackknife import BLOCKS, MIN_PAIRS, jackknife_sigma, without_blocks
 from vgps.gps.neighbour_pairs import MEDIAN, MIN_SPREAD_M, NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import TimeOffset
 from vgps.gps.time_offset import best_time_offset, compared_fixes, min_gain
@@ -23,7 +23,6 @@ from vgps.solution import GpsClock, Trajectory
 _MAX_RATE = 0.05  # 9.66 frames a second taken for 10 are 0.034
 _MAX_SHIFT_S = 15.0  # of the first and the last fix
 _STEP_S = 0.1  # of that shift: a fraction of the time that a turn takes
-_MIN_PAIRS = 8
 _LEAST_SIGMAS = 2.0  # of the jackknife: on an orbit at constant speed the parts of the video do not agree
 
 
@@ -91,7 +90,7 @@ class _Rates:
     def likeliest(self, fixes: Fixes) -> ShownClock | None:
         """Return the clock that explains fixes best, without standard deviations; None if they are few."""
         pairs = self._pairs(fixes)
-        if pairs.count < _MIN_PAIRS:
+        if pairs.count < MIN_PAIRS:
             return None
         step = _STEP_S / self._half_s
         near = self._on_grid(pairs, step)

@@ -12,6 +12,7 @@ from vgps.gps.fixes import Fixes
 from vgps.model import FloatArray
 
 BLOCKS = 4, 10  # at least and at most
+MIN_PAIRS = 8  # of fixes: two in each block
 
 
 def without_blocks(fixes: Fixes, number: int) -> list[Fixes]:

@@ -47,7 +47,8 @@ class Sensors:
         agreed: What displacements say under the prior of clocks that agree to hundredths of a second; None if
             they may as well agree exactly.
         clock_rate: By which the time offset grows in each second.
-        clock_rate_sigma: Its standard deviation; 0 if nothing contradicts the configured one.
+        clock_rate_sigma: Its standard deviation, or that of the speed at which the video was found to play; 0
+            if nothing contradicts the configured ones.
     """
 
     time_offset_s: float

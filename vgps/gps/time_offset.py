@@ -15,7 +15,7 @@ from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
 from vgps.config import Config, SensorsConfig
 from vgps.gps.fixes import Fixes, one_per_interval
-from vgps.gps.jackknife import jackknife_sigma, without_blocks
+from vgps.gps.jackknife import MIN_PAIRS, jackknife_sigma, without_blocks
 from vgps.gps.neighbour_pairs import NeighbourPairs, neighbour_pairs
 from vgps.gps.sensors import Sensors, TimeOffset
 from vgps.solution import Trajectory
@@ -24,7 +24,6 @@ _ITERATIONS = 30  # upper limit; from the best value of the grid a few suffice
 _NO_INFORMATION = 1e-6  # per square second
 _SPACING_S = 1.0  # of fixes that are compared: receivers filter their positions
 _MIN_SPACINGS = 20  # in a log: those of a short one are shorter
-_MIN_PAIRS = 8  # for a jackknife
 
 
 def estimate_time_offset(
@@ -249,7 +248,7 @@ def _over_parts(
     On a bend the drift of the video's heading looks like a time offset for longer than from one pair to the
     next.
     """
-    if pairs.count < _MIN_PAIRS:
+    if pairs.count < MIN_PAIRS:
         return best
     prior, settings = TimeOffset.from_config(config), config.time_offset
     parts = without_blocks(fixes, int(np.ptp(path.t_s) / settings.knot_s))

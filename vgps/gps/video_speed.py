@@ -27,7 +27,7 @@ _FINE: FloatArray = 0.1 * np.arange(-10.0, 11.0)  # steps
 _APART = 0.2  # in the logarithm: speeds that must not explain the fixes as well
 _LONG_S = 600.0  # of a video, whose speeds are not compared at time offsets of a minute: that takes minutes
 _COMPARED = 12  # speeds, the best among their neighbours
-USUAL_SIGMA = 5e-4  # relative: 29.97 frames a second are taken for 30
+USUAL_SIGMA = 5e-4  # relative: half of what 29.97 frames a second, taken for 30, are off
 _STRONG = 10.0  # evidence (Jeffreys)
 _MIN_DOUBTFUL_PAIRS = 10  # of fixes: fewer have the shape of some part of a path by chance
 
@@ -38,12 +38,12 @@ class ShownSpeed(NamedTuple):
     Attributes:
         speed: Seconds that pass in a second of the video.
         is_certain: Whether no other one explains them nearly as well.
-        time_offset_s: Of the fixes at that speed, if it is beyond the search about the configured one.
+        time_offset_s: Of the fixes at that speed, perhaps beyond the search about the configured one.
     """
 
     speed: float
     is_certain: bool
-    time_offset_s: float | None = None
+    time_offset_s: float
 
 
 class _Speed(NamedTuple):
@@ -70,7 +70,7 @@ def search_video_speed(
     """
     if np.count_nonzero(fixes.used) <= MIN_PAIRS or len(path.t_s) < 2:
         return None
-    near = _Search(path, first_s, fixes, camera_p_antenna, config)
+    near = _Search(path, first_s, fixes, camera_p_antenna, config, config.time_offset_reach_s)
     as_time = near.misfit(0.0, near.offsets_s)
     if _is_explained(as_time.misfit):
         return None
@@ -106,7 +106,7 @@ def _shown(search: "_Search", as_time: _Speed, config: SensorsConfig) -> ShownSp
     if not _is_explained(best.misfit) or not (certain or len(best.misfit.left) >= _MIN_DOUBTFUL_PAIRS):
         return None
     refined, _ = search.refined(best)
-    return ShownSpeed(float(np.exp(refined.log)), certain, refined.offset_s if search.is_far else None)
+    return ShownSpeed(float(np.exp(refined.log)), certain, refined.offset_s)
 
 
 def refined_video_speed(
@@ -118,7 +118,7 @@ def refined_video_speed(
     Args:
         path, first_s, fixes, camera_p_antenna, config: As for :func:`search_video_speed`.
     """
-    search = _Search(path, first_s, fixes, camera_p_antenna, config)
+    search = _Search(path, first_s, fixes, camera_p_antenna, config, config.time_offset_reach_s)
     found, sigma = search.refined(search.misfit(0.0, search.offsets_s))
     return float(np.exp(found.log)), sigma
 
@@ -172,15 +172,13 @@ class _Search:
         fixes: Fixes,
         camera_p_antenna: FloatArray,
         config: SensorsConfig,
-        reach_s: float | None = None,
+        reach_s: float,
     ) -> None:
         seen = seen_antenna(path, camera_p_antenna)
         self._seen = seen._replace(t_s=seen.t_s - first_s)
         compared = compared_fixes(fixes)
         self._fixes = replace(compared, t_s=compared.t_s - first_s)
         self._config = config.time_offset
-        self.is_far = reach_s is not None
-        reach_s = config.time_offset_reach_s if reach_s is None else reach_s
         offsets_s = np.arange(-reach_s, reach_s + _OFFSET_STEP_S / 2, _OFFSET_STEP_S)
         self.offsets_s: FloatArray = config.time_offset_s + offsets_s
 

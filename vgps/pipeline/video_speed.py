@@ -58,7 +58,7 @@ def with_right_speed(front_end: FrontEnd, config: Config, progress: Progress) ->
         note = _DOUBTFUL.format(shown.speed)
         return replace(compared, warnings=(*compared.warnings, note)), config
     speed, estimate = shown.speed, "yes"
-    if shown.time_offset_s is not None:
+    if abs(shown.time_offset_s - sensors.time_offset_s) > sensors.time_offset_reach_s:
         changes = {"time_offset_s": round(shown.time_offset_s, 2), "estimate_time_offset": "yes"}
         sensors = sensors.model_copy(update=changes)
     progress.stage("again at the speed that the video shows")
